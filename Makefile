@@ -1,0 +1,57 @@
+# Every command here sets up what it needs first. Tests and lint are what CI runs.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: setup lock messages demo test test-all lint bench goldens pictures clean
+
+setup: $(STAMP)
+
+$(STAMP): requirements.lock pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "uv==0.13.9"
+	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip sync --quiet --require-hashes requirements.lock
+	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $(STAMP)
+
+# Names, versions and hashes only: where packages come from is the machine's own affair.
+lock:
+	$(BIN)/uv pip compile pyproject.toml --group dev --generate-hashes --no-header --no-annotate --upgrade --quiet -o requirements.lock
+
+messages: setup
+	$(BIN)/python -m grpc_tools.protoc -I . --python_out=. --pyi_out=. runtime/messages/*.proto
+
+# Pictures are drawn by Rerun on a software Vulkan; the script installs it where it may, or says what is missing.
+demo: setup
+	deploy/system-packages
+	rm -rf demo && mkdir demo
+	$(BIN)/pushlane sim --seed 1 -o demo/session.mcap
+	$(BIN)/pushlane replay demo/session.mcap
+	$(BIN)/pushlane inspect demo/session.mcap --save demo/session.rrd --screenshot demo/session.png
+
+test: setup
+	deploy/system-packages
+	$(BIN)/python -m pytest -m "not slow"
+
+test-all: setup
+	deploy/system-packages
+	$(BIN)/python -m pytest
+
+lint: setup
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: setup
+	$(BIN)/python -m experiments.bench
+
+goldens: setup
+	$(BIN)/pushlane goldens --record
+
+pictures: setup
+	$(BIN)/python -m experiments.pictures
+
+clean:
+	rm -rf $(VENV) demo out .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,1 @@
+"""Drivers: the simulated base in SAPIEN; later the Robotino and cameras."""

@@ -1,0 +1,115 @@
+"""Perception by truth: stands in for mapping and tracker with their noise and delay, until those exist."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drivers.sapien.config import TruthPerceptionConfig
+from drivers.sapien.occupancy import rasterise
+from runtime import topics
+from runtime.messages import ObjectState, OccupancyGrid, Pose2, RobotPose, Truth, Vector2, Visibility
+from runtime.service import Effects, Input, Output, Service, Timer, on
+from runtime.time import Time, nanoseconds
+
+_PERIOD = 0.01
+
+
+@dataclass
+class PerceptionState:
+    """What is on its way: positions with their noise, each with the time at which it is to be published."""
+
+    generator: np.random.Generator
+    mapped: bool = False
+    robots: list[tuple[Time, RobotPose]] = field(default_factory=list)
+    objects: list[tuple[Time, ObjectState]] = field(default_factory=list)
+
+
+class TruthPerception(Service):
+    """Publishes robot/pose, map and object/state from the simulation's truth."""
+
+    name = "perception"
+    Config = TruthPerceptionConfig
+
+    truth = Input(topics.TRUTH)
+    robot = Output(topics.ROBOT_POSE)
+    map = Output(topics.MAP)
+    object = Output(topics.OBJECT_STATE)
+    tick = Timer(_PERIOD)
+
+    config: TruthPerceptionConfig
+    state: PerceptionState
+
+    def __init__(self, config: TruthPerceptionConfig) -> None:
+        super().__init__(config)
+        self.state = PerceptionState(np.random.Generator(np.random.PCG64(config.seed)))
+
+    @on(truth)
+    def observe(self, truth: Truth, now: Time) -> Effects:
+        """Blur what is true, and keep it until its delay has passed."""
+        config, generator = self.config, self.state.generator
+        draws = [float(draw) for draw in generator.standard_normal(6)]
+        delays = generator.uniform(config.latency_low, config.latency_high, 2)
+        robot = Pose2(
+            x=truth.robot.x + config.robot_noise * draws[0],
+            y=truth.robot.y + config.robot_noise * draws[1],
+            theta=_wrap(truth.robot.theta + config.robot_yaw_noise * draws[2]),
+        )
+        position, heading = config.robot_noise**2, config.robot_yaw_noise**2
+        self.state.robots.append(
+            (
+                now + nanoseconds(float(delays[0])),
+                RobotPose(
+                    stamp=truth.stamp,
+                    pose=robot,
+                    covariance=[position, 0, 0, 0, position, 0, 0, 0, heading],
+                    driver_sequence=truth.driver_sequence,
+                ),
+            )
+        )
+        spot = Vector2(
+            x=truth.object.x + config.object_noise * draws[3],
+            y=truth.object.y + config.object_noise * draws[4],
+        )
+        seen = ObjectState(
+            stamp=truth.stamp,
+            position=spot,
+            diameter=config.object_diameter,
+            covariance=[config.object_noise**2, 0, 0, config.object_noise**2],
+            visibility=Visibility.VISIBLE,
+        )
+        if config.yaw:
+            seen.yaw = _wrap(truth.object.theta + config.object_yaw_noise * draws[5])
+            seen.yaw_variance = config.object_yaw_noise**2
+        self.state.objects.append((now + nanoseconds(float(delays[1])), seen))
+        if not self.state.mapped:
+            self.state.mapped = True
+            yield self.map(self._grid(now))
+
+    @on(tick)
+    def publish(self, now: Time) -> Effects:
+        """Publish what is due, in the order in which it was seen."""
+        while self.state.robots and self.state.robots[0][0] <= now:
+            yield self.robot(self.state.robots.pop(0)[1])
+        while self.state.objects and self.state.objects[0][0] <= now:
+            yield self.object(self.state.objects.pop(0)[1])
+
+    def _grid(self, now: Time) -> OccupancyGrid:
+        grid = rasterise(self.config.scene, self.config.map_resolution)
+        height, width = grid.cells.shape
+        return OccupancyGrid(
+            stamp=now,
+            version=1,
+            resolution=grid.resolution,
+            width=width,
+            height=height,
+            origin=Vector2(x=grid.origin[0], y=grid.origin[1]),
+            cells=grid.cells.tobytes(),
+        )
+
+
+def _wrap(angle: float) -> float:
+    """Return `angle` in (-pi, pi]."""
+    return angle - math.tau * math.ceil((angle - math.pi) / math.tau)

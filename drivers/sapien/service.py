@@ -1,0 +1,251 @@
+"""The simulated driver: the base, its sensors and the object, as a service like any other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from google.protobuf.timestamp_pb2 import Timestamp
+from numpy.typing import NDArray
+
+from drivers.sapien.config import SapienConfig
+from drivers.sapien.odometry import DriftingOdometry, OdometryState
+from drivers.sapien.rays import Outlines, outlines
+from drivers.sapien.sensors import laser_scan, ring_ranges
+from drivers.sapien.world import SUBSTEP, World, WorldState
+from runtime import topics
+from runtime.messages import (
+    LaserScan,
+    MotionLimits,
+    Odometry,
+    Pose2,
+    RangeArray,
+    RobotStatus,
+    Truth,
+    Twist2,
+    VelocityCommand,
+)
+from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
+from runtime.time import SECOND, Time, nanoseconds
+
+_PERIOD = 0.05
+_SUBSTEP: Time = nanoseconds(SUBSTEP)
+_SCAN_EVERY = 2
+_STATUS_EVERY = 4
+_REMEMBERED = 100
+
+
+@dataclass
+class DriverState:
+    """What the driver goes on from.
+
+    Attributes:
+        sequence: of the last odometry; stamps: when the newest of them were published, ns, the last one last.
+        command_stamp: stamp of the odometry that the command in force is based on; None while the base is held.
+        command_deadline: ns that command may be old.
+    """
+
+    generator: np.random.Generator
+    world: WorldState | None = None
+    odometry: OdometryState | None = None
+    sequence: int = 0
+    stamps: list[Time] = field(default_factory=list)
+    command_stamp: Time | None = None
+    command_deadline: Time = 0
+    accepted: int = 0
+    clamped: int = 0
+    stale: int = 0
+    bumper: bool = False
+
+
+class SapienDriver(Service):
+    """Steps the world up to each event's time and publishes what the base would.
+
+    The last line of safety is here as on a real base: a command too old by the driver's own clock is not obeyed,
+    and the base stops when no fresh one comes.
+    """
+
+    name = "driver"
+    Config = SapienConfig
+
+    command = Input(topics.COMMAND)
+    odometry = Output(topics.ODOMETRY)
+    scan = Output(topics.SCAN)
+    ranges = Output(topics.RANGES)
+    status = Output(topics.STATUS)
+    truth = Output(topics.TRUTH)
+    tick = Timer(_PERIOD)
+
+    config: SapienConfig
+    state: DriverState
+
+    def __init__(self, config: SapienConfig) -> None:
+        super().__init__(config)
+        self.state = DriverState(np.random.Generator(np.random.PCG64(config.seed)))
+        self._world = World(config.scene, config.body, config.base)
+        self._odometry = self._fresh_odometry()
+        self._room = outlines(config.scene.obstacles())
+
+    def freeze(self) -> None:
+        """Take the world's state. This rebuilds the world, so that it goes on as a restored one would."""
+        self.state.world = self._world.state()
+        self.state.odometry = self._odometry.state
+
+    def thaw(self) -> None:
+        """Build the world again from the state."""
+        assert self.state.world is not None and self.state.odometry is not None
+        self._world = World(self.config.scene, self.config.body, self.config.base)
+        self._world.restore(self.state.world)
+        self._odometry = self._fresh_odometry()
+        self._odometry.state = self.state.odometry
+
+    @on(command)
+    def obey(self, command: VelocityCommand, now: Time) -> Effects:
+        """Follow a command, unless it is too old."""
+        self._advance(now)
+        stamp = self._stamp(command.driver_sequence)
+        deadline = min(command.deadline, nanoseconds(self.config.deadline))
+        if stamp is None or now - stamp > deadline:
+            self.state.stale += 1
+            age = "unknown" if stamp is None else f"{(now - stamp) / SECOND:.3f} s"
+            yield self.say(f"stale command refused: based on odometry {command.driver_sequence}, age {age}", now)
+            return
+        self.state.command_stamp, self.state.command_deadline = stamp, deadline
+        self.state.accepted += 1
+        twist = command.twist
+        self.state.clamped += self._world.command(twist.vx, twist.vy, twist.omega)
+
+    @on(tick)
+    def sense(self, now: Time) -> Effects:
+        """Publish what the sensors say."""
+        self._advance(now)
+        state, world = self.state, self._world
+        state.sequence += 1
+        state.stamps = [*state.stamps[-_REMEMBERED + 1 :], now]
+        pose = world.robot_pose
+        bumped = world.robot_hit
+        yield self._truth(now)
+        yield self._odometry_message(pose, now)
+        seen = self._outlines()
+        yield self._ranges(pose, seen, now)
+        if state.sequence % _SCAN_EVERY == 1:
+            yield self._scan(pose, seen, now)
+        if state.sequence % _STATUS_EVERY == 1 or bumped != state.bumper:
+            state.bumper = bumped
+            yield self._status(now)
+
+    def _stamp(self, sequence: int) -> Time | None:
+        """Return when odometry `sequence` was published; None if that is long ago or never was."""
+        back = self.state.sequence - sequence
+        return self.state.stamps[-1 - back] if 0 <= back < len(self.state.stamps) else None
+
+    def _advance(self, now: Time) -> None:
+        """Step the world up to `now`, and hold the base from the moment its command is too old."""
+        stop = None
+        if self.state.command_stamp is not None:
+            stop = self.state.command_stamp + self.state.command_deadline
+        if stop is not None and stop < now:
+            self._step_to(stop)
+            self._world.command(0.0, 0.0, 0.0)
+            self.state.command_stamp = None
+            self.state.stale += 1
+        self._step_to(now)
+
+    def _step_to(self, time: Time) -> None:
+        count = time // _SUBSTEP - self._world.substeps
+        if count > 0:
+            self._world.step(count)
+
+    def _fresh_odometry(self) -> DriftingOdometry:
+        noise = self.config.scene.noise
+        start = self._world.robot_pose
+        return DriftingOdometry(noise.odometry_distance, noise.odometry_turn, noise.odometry_heading, start)
+
+    def _outlines(self) -> Outlines:
+        x, y, theta = (float(number) for number in self._world.object_pose)
+        return self._room.joined(outlines(self.config.body.parts, (x, y, theta)))
+
+    def _odometry_message(self, pose: NDArray[np.float64], now: Time) -> Publication:
+        reading = self._odometry.read(pose, self.state.generator)
+        vx, vy, omega = self._world.robot_twist
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        noise, drift = self.config.scene.noise, self._odometry.state
+        position = noise.odometry_distance**2 * drift.travelled
+        heading = noise.odometry_turn**2 * drift.turned + noise.odometry_heading**2 * drift.travelled
+        return self.odometry(
+            Odometry(
+                stamp=now,
+                pose=Pose2(x=reading[0], y=reading[1], theta=reading[2]),
+                twist=Twist2(vx=c * vx + s * vy, vy=-s * vx + c * vy, omega=omega),
+                driver_sequence=self.state.sequence,
+                covariance=[position, 0, 0, 0, position, 0, 0, 0, heading],
+            )
+        )
+
+    def _scan(self, pose: NDArray[np.float64], seen: Outlines, now: Time) -> Publication:
+        laser = self.config.laser
+        ranges = laser_scan(laser, pose, seen, self.config.scene.noise.scan, self.state.generator)
+        message = LaserScan(
+            timestamp=Timestamp(seconds=now // SECOND, nanos=now % SECOND),
+            frame_id="base",
+            start_angle=laser.yaw - laser.field / 2,
+            end_angle=laser.yaw + laser.field / 2,
+            ranges=ranges.tolist(),
+        )
+        message.pose.position.x, message.pose.position.y = laser.x, laser.y
+        message.pose.orientation.w = 1.0
+        return self.scan(message)
+
+    def _ranges(self, pose: NDArray[np.float64], seen: Outlines, now: Time) -> Publication:
+        ring = self.config.ring
+        distance = ring_ranges(ring, pose, seen, self.config.scene.noise.ranges, self.state.generator)
+        return self.ranges(
+            RangeArray(
+                stamp=now,
+                bearing=ring.bearings().tolist(),
+                distance=distance.tolist(),
+                ring_radius=ring.radius,
+                minimum=ring.minimum,
+                maximum=ring.maximum,
+            )
+        )
+
+    def _status(self, now: Time) -> Publication:
+        base, state = self.config.base, self.state
+        return self.status(
+            RobotStatus(
+                stamp=now,
+                bumper=state.bumper,
+                motors_enabled=True,
+                battery_voltage=self.config.battery_voltage,
+                limits=MotionLimits(
+                    speed=base.speed,
+                    angular_speed=base.angular_speed,
+                    acceleration=base.acceleration,
+                    angular_acceleration=base.angular_acceleration,
+                    lag=base.lag,
+                ),
+                diameter=base.diameter,
+                commands_accepted=state.accepted,
+                commands_clamped=state.clamped,
+                commands_stale=state.stale,
+            )
+        )
+
+    def _truth(self, now: Time) -> Publication:
+        world = self._world
+        robot, thing = world.robot_pose, world.object_pose
+        robot_twist, thing_twist = world.robot_twist, world.object_twist
+        return self.truth(
+            Truth(
+                stamp=now,
+                robot=Pose2(x=robot[0], y=robot[1], theta=robot[2]),
+                robot_twist=Twist2(vx=robot_twist[0], vy=robot_twist[1], omega=robot_twist[2]),
+                object=Pose2(x=thing[0], y=thing[1], theta=thing[2]),
+                object_twist=Twist2(vx=thing_twist[0], vy=thing_twist[1], omega=thing_twist[2]),
+                touching=world.touching,
+                robot_hit=world.robot_hit,
+                object_hit=world.object_hit,
+                driver_sequence=self.state.sequence,
+            )
+        )

@@ -1,0 +1,1 @@
+"""Experiments and benchmarks: every figure the project states is printed by a command here."""

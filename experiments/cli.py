@@ -1,0 +1,121 @@
+"""`pushlane sim`: one push in simulation."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.options import Assignments, ConfigFile, layers
+
+
+experiment = typer.Typer(no_args_is_help=True, help="Run many pushes and print figures with their intervals.")
+
+
+def register(root: typer.Typer) -> None:
+    """Add the verbs of this module to `root`."""
+    root.command(name="sim")(sim)
+    root.add_typer(experiment, name="experiment")
+
+
+def sim(
+    scene: Annotated[str, typer.Option(help="Where: a scene of --list.", show_default="living-room")] = "",
+    object_: Annotated[
+        str, typer.Option("--object", help="What: an object of --list.", show_default="the scene's own")
+    ] = "",
+    goal: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="X Y", help="Where to, in m on the map.", show_default="the scene's own"),
+    ] = None,
+    strategy: Annotated[
+        str, typer.Option(help="How the next target is chosen: one of --list.", show_default="strict")
+    ] = "",
+    controller: Annotated[str, typer.Option(help="How the base pushes: one of --list.", show_default="adaptive")] = "",
+    precision: Annotated[
+        float | None, typer.Option(metavar="M", help="Delivered within this distance.", show_default="0.1")
+    ] = None,
+    time_limit: Annotated[
+        float | None, typer.Option(metavar="S", help="Give up after this time.", show_default="400")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Of everything drawn: same seed, same bytes.", show_default="1")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE.mcap", help="Record the session here.")
+    ] = None,
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+    list_: Annotated[
+        bool, typer.Option("--list", help="Name scenes, objects, strategies and controllers, and stop.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print --list, or the result, as JSON.")] = False,
+) -> None:
+    """Push an object to a goal in simulation, with every service in this process.
+
+    Everything has a default: [bold]pushlane sim --seed 1 -o a.mcap[/bold] is a whole run. Exits with 0 if the
+    object was delivered, 1 if the push failed, 2 if it could not begin.
+    """
+    from experiments import catalogue
+
+    if list_:
+        typer.echo(json.dumps(catalogue.as_json(), indent=1) if as_json else catalogue.text())
+        return
+    from experiments import watching
+    from experiments.session import prepare
+    from runtime.config.layers import Layer
+
+    given = {
+        "--scene": ("scene", scene),
+        "--object": ("object", object_),
+        "--goal": ("goal", list(goal) if goal else None),
+        "--strategy": ("strategy", strategy),
+        "--controller": ("controller", controller),
+        "--precision": ("precision", precision),
+        "--time-limit": ("time_limit", time_limit),
+        "--seed": ("seed", seed),
+    }
+    options = [Layer(flag, {"sim": {key: value}}) for flag, (key, value) in given.items() if value not in (None, "")]
+    session = prepare([*layers(config, assignments), *options])
+    delivered = watching.show(session, output, as_json=as_json, terminal=sys.stdout.isatty())
+    raise typer.Exit(0 if delivered else 1)
+
+
+@experiment.command()
+def deliveries(
+    trials: Annotated[int, typer.Option(min=1, help="How many seeds, from 1 on.")] = 100,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    first: Annotated[int, typer.Option(min=0, help="First seed.")] = 1,
+    failures: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Keep the recording of every failed push here.")
+    ] = None,
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+) -> None:
+    """Deliver one object in one scene over many seeds, and print the success rate with its Wilson interval.
+
+    Which: by --set, as in [bold]--set sim.scene=wide-bend --set sim.object=cylinder --set sim.strategy=strict[/bold].
+    Success is judged by the simulation's truth: within the precision, in time, no centre out of the corridor.
+    """
+    from rich.console import Console
+    from rich.progress import track
+
+    from experiments.session import prepare
+    from experiments.trials import Batch, deliver
+
+    given = layers(config, assignments)
+    session = prepare(given)
+    if failures is not None:
+        failures.mkdir(parents=True, exist_ok=True)
+    seeds = range(first, first + trials)
+    console = Console(stderr=True)
+    done = list(track(deliver(given, seeds, jobs, failures), total=trials, description="pushing", console=console))
+    sim_ = session.sim
+    typer.echo(
+        f"{sim_.object or 'its own object'} in {sim_.scene}, {sim_.strategy or 'strict'}, "
+        f"{sim_.controller or 'adaptive'}, seeds {first} to {first + trials - 1}"
+    )
+    for line in Batch(done).text():
+        typer.echo(line)

@@ -1,0 +1,153 @@
+"""One simulated push: from names and a seed to services, and through them to a result and a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from drivers.sapien import objects, scene
+from drivers.sapien.base import BaseModel
+from runtime import registry
+from runtime.config.layers import ConfigError, Effective, Layer, effective
+from runtime.local import PushResult, push
+from runtime.messages import PushGoal, PushStatus, Vector2
+from runtime.recorder import header
+from runtime.recorder.writer import Recorder
+from runtime.scheduler import Sink
+from runtime.service import Service
+from runtime.time import Time
+from runtime.timing import TimingConfig
+from services.names import CONTROLLERS, STRATEGIES
+
+NODES = ("driver", "perception", "corridor", "strategy", "learner", "controller", "task")
+"""In scheduling order: it breaks ties between timers."""
+
+DEFAULT_SCENE = "living-room"
+
+
+class SimConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The [sim] section: what to push where. Empty texts and zeros leave it to the scene and to [task]."""
+
+    scene: Annotated[str, Meta(description="a scene of `pushlane sim --list`")] = DEFAULT_SCENE
+    object: Annotated[str, Meta(description="an object of `pushlane sim --list`; empty: the scene's own")] = ""
+    goal: Annotated[
+        tuple[float, float] | None, Meta(description="m, where the object is to go; absent: the scene's own")
+    ] = None
+    strategy: Annotated[str, Meta(description="empty: as [task] says")] = ""
+    controller: Annotated[str, Meta(description="empty: as [task] says")] = ""
+    precision: Annotated[float, Meta(ge=0, le=5, description="m; 0: as [task] says")] = 0.0
+    time_limit: Annotated[float, Meta(ge=0, le=36000, description="s; 0: as [task] says")] = 0.0
+    seed: Annotated[int, Meta(ge=0, lt=2**53, description="of everything drawn")] = 1
+    perception: Annotated[
+        Literal["truth"], Meta(description="truth: positions from the simulation, with noise and delay")
+    ] = "truth"
+
+
+@dataclass(frozen=True)
+class Session:
+    """Everything a push is made of, resolved."""
+
+    sim: SimConfig
+    effective: Effective
+    goal: PushGoal
+
+    def services(self) -> list[Service]:
+        """Return the services, freshly built, in scheduling order."""
+        return [registry.service_class(name)(self.effective.sections[name]) for name in NODES]
+
+    def json(self) -> bytes:
+        """Return the effective configuration as the recording holds it."""
+        sections = {name: msgspec.to_builtins(section) for name, section in self.effective.sections.items()}
+        return msgspec.json.encode({"sections": sections})
+
+
+def kinds() -> dict[str, type[msgspec.Struct]]:
+    """Return the structure of every section of the configuration."""
+    return {
+        "sim": SimConfig,
+        "timing": TimingConfig,
+        **{name: registry.service_class(name).Config for name in NODES},
+    }
+
+
+def prepare(layers: Sequence[Layer]) -> Session:
+    """Resolve configuration layers into a session.
+
+    Raises:
+        ConfigError, UnknownScene, UnknownObject, ObjectError: the configuration names something wrong.
+    """
+    sim_layers = [Layer(one.origin, {"sim": one.values["sim"]}) for one in layers if "sim" in one.values]
+    found = effective({"sim": SimConfig}, sim_layers).sections["sim"]
+    assert isinstance(found, SimConfig)
+    for name, known, what in (
+        (found.strategy, STRATEGIES, "strategy"),
+        (found.controller, CONTROLLERS, "controller"),
+    ):
+        if name and name not in known:
+            raise ConfigError(f"no {what} is called '{name}'; expected one of {', '.join(known)}")
+    drawn, place = _draw(found)
+    whole = effective(kinds(), [drawn, *layers])
+    x, y = found.goal or (place.x, place.y)
+    goal = PushGoal(
+        position=Vector2(x=x, y=y),
+        precision=found.precision,
+        strategy=found.strategy,
+        controller=found.controller,
+        time_limit=found.time_limit,
+    )
+    return Session(found, whole, goal)
+
+
+def run(
+    session: Session,
+    record: Path | None = None,
+    watch: Callable[[Time, PushStatus], None] | None = None,
+    sinks: Sequence[Sink] = (),
+    guarded: bool = True,
+) -> PushResult:
+    """Run the push of `session`, recording it to `record` if given.
+
+    Raises:
+        CannotRecord, GoalRefused, BadSystem: see there.
+    """
+    timing = session.effective.sections["timing"]
+    assert isinstance(timing, TimingConfig)
+    services = session.services()
+    with ExitStack() as stack:
+        if record is not None:
+            head = header.of_this_machine("local", session.sim.seed, list(NODES))
+            sinks = [stack.enter_context(Recorder(record, head, session.json())), *sinks]
+        return push(services, session.goal, sinks, timing.timing(), watch, guarded)
+
+
+def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
+    """Return what scene, object and seed decide, as the weakest layer, and the scene's own goal."""
+    room = scene.get(sim.scene)
+    name = sim.object or room.default_object
+    words = [int(word) >> 1 for word in np.random.SeedSequence(sim.seed).generate_state(3, np.uint64)]
+    generator = np.random.Generator(np.random.PCG64(words[0]))
+    body = objects.draw(objects.get(name), generator)
+    room = scene.jittered(room, generator)
+    values = {
+        "driver": {
+            "seed": words[1],
+            "scene": msgspec.to_builtins(room),
+            "body": msgspec.to_builtins(body),
+            "base": msgspec.to_builtins(BaseModel()),
+        },
+        "perception": {
+            "seed": words[2],
+            "scene": msgspec.to_builtins(room),
+            "object_diameter": body.diameter,
+            "object_noise": room.noise.object_position,
+            "object_yaw_noise": room.noise.object_yaw,
+        },
+    }
+    return Layer(f"scene {sim.scene}, object {name}, seed {sim.seed}", values), room.goal

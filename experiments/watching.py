@@ -1,0 +1,138 @@
+"""Runs a push while showing it: a live line on a terminal, plain lines elsewhere, and a summary at the end."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from experiments.session import Session, run
+from runtime.errors import PushlaneError
+from runtime.local import PushResult
+from runtime.messages import FailureCause, PushOutcome, PushPhase, PushStatus
+from runtime.time import Time, seconds
+
+_LINE_EVERY: Time = 5_000_000_000
+
+
+class NoPath(PushlaneError):
+    """There is no way to the goal; nothing was pushed and nothing is kept."""
+
+
+def run_shown(session: Session, record: Path | None, terminal: bool, quiet: bool) -> tuple[PushResult, float]:
+    """Run `session`, showing it. Returns the result and the s it took.
+
+    Raises:
+        NoPath: the goal cannot be reached; `record` is not left behind.
+    """
+    started = time.perf_counter()
+    console = Console()
+    with Live(console=console, refresh_per_second=8) if terminal and not quiet else nullcontext() as live:
+        watch = _live(live, started) if live is not None else (None if quiet else _lines(started))
+        try:
+            result = run(session, record, watch)
+        except PushlaneError:
+            _discard(record)
+            raise
+    if result.status.cause == FailureCause.NO_PATH:
+        _discard(record)
+        raise NoPath(f"goal ({session.goal.position.x:g}, {session.goal.position.y:g}): {result.status.reason}")
+    return result, time.perf_counter() - started
+
+
+def show(session: Session, record: Path | None, as_json: bool, terminal: bool) -> bool:
+    """Run `session` and print what came of it. Returns whether the object was delivered."""
+    result, took = run_shown(session, record, terminal, quiet=as_json)
+    facts = summary(session, result, took, record)
+    if as_json:
+        print(json.dumps(facts))
+    else:
+        print(_sentence(facts))
+    return result.status.outcome == PushOutcome.DELIVERED
+
+
+def summary(session: Session, result: PushResult, took: float, record: Path | None) -> dict[str, object]:
+    """Return the figures of a push by name, in m and s."""
+    status = result.status
+    driver = session.effective.sections["driver"]
+    return {
+        "outcome": PushOutcome.Name(status.outcome).lower(),
+        "cause": FailureCause.Name(status.cause).lower(),
+        "reason": status.reason,
+        "scene": session.sim.scene,
+        "object": driver.body.name,  # type: ignore[attr-defined]
+        "strategy": session.goal.strategy or session.effective.sections["task"].strategy,  # type: ignore[attr-defined]
+        "controller": session.goal.controller or session.effective.sections["task"].controller,  # type: ignore[attr-defined]
+        "seed": session.sim.seed,
+        "distance_left": round(status.distance_left, 4),
+        "elapsed": round(status.elapsed, 3),
+        "robot_path_length": round(status.robot_path_length, 3),
+        "object_path_length": round(status.object_path_length, 3),
+        "simulated": round(seconds(result.end), 3),
+        "took": round(took, 3),
+        "times_real_time": round(seconds(result.end) / took, 1),
+        "messages": sum(result.counts.values()),
+        "file": str(record) if record else "",
+    }
+
+
+def _sentence(facts: dict[str, object]) -> str:
+    reason = f" ({facts['reason']})" if facts["reason"] else ""
+    kept = f"; recorded to {facts['file']}" if facts["file"] else ""
+    return (
+        f"{str(facts['outcome']).upper()}{reason}: {facts['object']} in {facts['scene']}, {facts['strategy']}, "
+        f"{facts['controller']}, seed {facts['seed']}: {facts['distance_left']:.3f} m left after "
+        f"{facts['elapsed']:.1f} s, robot path {facts['robot_path_length']:.2f} m, "
+        f"object path {facts['object_path_length']:.2f} m; "
+        f"{facts['times_real_time']} times real time, {facts['messages']} messages{kept}"
+    )
+
+
+def _live(live: Live, started: float) -> Callable[[Time, PushStatus], None]:
+    def watch(now: Time, status: PushStatus) -> None:
+        table = Table.grid(padding=(0, 2))
+        table.add_row(
+            f"[bold]{_phase(status)}[/bold]",
+            f"{status.distance_left:.2f} m left",
+            f"{seconds(now):.1f} s simulated",
+            f"{_ratio(now, started):.0f} times real time",
+            f"robot {status.robot_path_length:.2f} m, object {status.object_path_length:.2f} m",
+        )
+        live.update(table)
+
+    return watch
+
+
+def _lines(started: float) -> Callable[[Time, PushStatus], None]:
+    shown = [-_LINE_EVERY, PushPhase.PHASE_UNSPECIFIED]
+
+    def watch(now: Time, status: PushStatus) -> None:
+        if now - shown[0] < _LINE_EVERY and status.phase == shown[1]:
+            return
+        shown[:] = [now, status.phase]
+        print(
+            f"{seconds(now):7.1f} s  {_phase(status):<8}  {status.distance_left:5.2f} m left  "
+            f"{_ratio(now, started):4.0f} times real time",
+            flush=True,
+        )
+
+    return watch
+
+
+def _phase(status: PushStatus) -> str:
+    return PushPhase.Name(status.phase).lower()
+
+
+def _ratio(now: Time, started: float) -> float:
+    return seconds(now) / max(time.perf_counter() - started, 1e-9)
+
+
+def _discard(record: Path | None) -> None:
+    if record is not None:
+        record.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""Re-execution of recorded sessions, their comparison, and their pictures in Rerun."""

@@ -1,0 +1,96 @@
+"""`pushlane replay`, `inspect` and `goldens`: what can be done with a recorded session."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.options import Assignments
+
+Session = Annotated[Path, typer.Argument(metavar="FILE.mcap", help="A recorded session.", show_default=False)]
+
+
+def register(root: typer.Typer) -> None:
+    """Add the verbs of this module to `root`."""
+    root.command(name="replay")(replay)
+    root.command(name="inspect")(inspect)
+    root.command(name="goldens")(goldens)
+
+
+def replay(
+    file: Session,
+    service: Annotated[
+        list[str] | None,
+        typer.Option("--service", help="Only this service; may be given again.", show_default="all"),
+    ] = None,
+    start: Annotated[float, typer.Option(metavar="S", help="Begin at the last snapshot before this time.")] = 0.0,
+    assignments: Assignments = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+    overlay: Annotated[
+        Path | None,
+        typer.Option("--overlay", metavar="OUT.rrd", help="Write recorded against replayed, for Rerun."),
+    ] = None,
+) -> None:
+    """Re-execute services from a recording and compare every byte they give with what was recorded.
+
+    Exits with 0 if all is identical, 1 if anything differs, 2 if the file cannot be used or was altered.
+    With --set it answers "what if": the report then shows what the changed setting changes.
+    """
+    from replays import recording, report
+    from replays.replay import replay as execute
+    from runtime.config.layers import read_assignments
+    from runtime.time import nanoseconds
+
+    loaded = recording.load(file)
+    changes = read_assignments(assignments).values if assignments else {}
+    result = execute(loaded, service, changes, nanoseconds(start), keep=overlay is not None)
+    if as_json:
+        typer.echo(json.dumps(report.as_json(result), indent=1))
+    else:
+        for line in report.text(result):
+            typer.echo(line)
+    if overlay is not None:
+        from replays.overlay import write
+
+        write(result, overlay)
+        typer.echo(f"overlay written to {overlay}", err=as_json)
+    if loaded.corrupt:
+        raise typer.Exit(2)
+    raise typer.Exit(0 if result.identical else 1)
+
+
+def inspect(
+    file: Session,
+    save: Annotated[
+        Path | None, typer.Option("--save", metavar="OUT.rrd", help="Write a Rerun file, view included.")
+    ] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option("--screenshot", metavar="OUT.png", help="Draw the view; needs no screen.")
+    ] = None,
+    at: Annotated[
+        float | None, typer.Option(metavar="S", help="Time of the screenshot.", show_default="three fifths")
+    ] = None,
+) -> None:
+    """Look at a session in Rerun: map, corridors, push-line, trails, what was learned, commands, phases, log.
+
+    Without --save or --screenshot the viewer opens.
+    """
+    from replays.inspect.show import show
+
+    show(file, save, screenshot, at)
+
+
+def goldens(
+    record: Annotated[bool, typer.Option("--record", help="Make them anew, and say what changed.")] = False,
+) -> None:
+    """Re-execute the golden pushes of replays/recordings, or record them anew.
+
+    Exits with 0 if all are identical, 1 if any differs.
+    """
+    from replays import goldens as work
+
+    same = work.record_all(typer.echo) if record else work.check_all(typer.echo)
+    raise typer.Exit(0 if same or record else 1)

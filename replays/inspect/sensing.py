@@ -1,0 +1,102 @@
+"""Draws what the sensors saw: laser scans, infra-red ranges, camera pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from numpy.typing import NDArray
+
+from replays.inspect import palette
+from replays.inspect.canvas import Canvas, raised
+from replays.inspect.places import Places
+from replays.inspect.session import Session
+from replays.inspect.shapes import pose_at
+from runtime.messages import LaserScan, RangeArray
+
+POINTS = 0.034
+
+
+def draw_sensing(canvas: Canvas, session: Session, where: Places) -> None:
+    """Puts scans and ranges on the map by the robot's pose at their time; without poses there is no place for them."""
+    if len(where.robot):
+        _draw_scans(canvas, session, where)
+        _draw_ranges(canvas, session, where)
+    _draw_images(canvas, session)
+
+
+def _to_map(points: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 2) points of the base frame seen from `pose` (3), map frame."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    return points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
+
+
+def _draw_scans(canvas: Canvas, session: Session, where: Places) -> None:
+    track = session.track("scan", LaserScan)
+    if not len(track):
+        return
+    clouds: list[NDArray[np.float64]] = []
+    for scan, pose in zip(track.messages, pose_at(track.times, where.robot_times, where.robot), strict=True):
+        distance = np.array(scan.ranges, np.float64)
+        bearing = np.linspace(scan.start_angle, scan.end_angle, len(distance))
+        hit = np.isfinite(distance) & (distance > 0.0)
+        q = scan.pose.orientation
+        mount = (
+            scan.pose.position.x,
+            scan.pose.position.y,
+            2.0 * np.arctan2(q.z, q.w) if scan.HasField("pose") else 0.0,
+        )
+        local = distance[hit, None] * np.column_stack([np.cos(bearing[hit]), np.sin(bearing[hit])])
+        clouds.append(_to_map(_to_map(local, np.array(mount)), pose))
+    canvas.fixed("/map/scan", rr.Points3D.from_fields(colors=[palette.SCAN], radii=[rr.Radius.ui_points(1.6)]))
+    canvas.columns(
+        "/map/scan",
+        track.times,
+        rr.Points3D.columns(positions=raised(np.vstack(clouds), POINTS)).partition([len(c) for c in clouds]),
+    )
+
+
+def _draw_ranges(canvas: Canvas, session: Session, where: Places) -> None:
+    """A ray for each infra-red sensor that sees something, from the sensor to what it sees."""
+    track = session.track("ranges", RangeArray)
+    if not len(track):
+        return
+    rays: list[NDArray[np.float64]] = []
+    for reading, pose in zip(track.messages, pose_at(track.times, where.robot_times, where.robot), strict=True):
+        distance, bearing = np.array(reading.distance, np.float64), np.array(reading.bearing, np.float64)
+        hit = np.isfinite(distance) & (distance < reading.maximum)
+        way = np.column_stack([np.cos(bearing[hit]), np.sin(bearing[hit])])
+        near, far = reading.ring_radius * way, (reading.ring_radius + distance[hit, None]) * way
+        rays.append(np.stack([_to_map(near, pose), _to_map(far, pose)], axis=1))
+    flat = np.vstack(rays)
+    if not len(flat):
+        return
+    counts = [len(each) for each in rays]
+    canvas.fixed(
+        "/map/ranges/rays",
+        rr.LineStrips3D.from_fields(colors=[palette.RANGE], radii=[rr.Radius.ui_points(0.9)]),
+    )
+    canvas.columns(
+        "/map/ranges/rays",
+        track.times,
+        rr.LineStrips3D.columns(strips=raised(flat, POINTS)).partition(counts),
+    )
+    canvas.fixed("/map/ranges/hits", rr.Points3D.from_fields(colors=[palette.RANGE], radii=[rr.Radius.ui_points(2.6)]))
+    canvas.columns(
+        "/map/ranges/hits",
+        track.times,
+        rr.Points3D.columns(positions=raised(flat[:, 1], POINTS)).partition(counts),
+    )
+
+
+def _draw_images(canvas: Canvas, session: Session) -> None:
+    track = session.track("image", CompressedImage)
+    canvas.columns(
+        "/camera/image",
+        track.times,
+        rr.EncodedImage.columns(
+            blob=[m.data for m in track.messages], media_type=[f"image/{m.format}" for m in track.messages]
+        )
+        if len(track)
+        else [],
+    )

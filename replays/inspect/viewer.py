@@ -1,0 +1,152 @@
+"""Drives the Rerun viewer: a headless one for pictures, a window or a web page for people."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from pathlib import Path
+
+import rerun_cli  # type: ignore[import-untyped]
+from rerun.experimental import ViewerClient, ViewerState
+
+from replays.inspect.canvas import TIMELINE
+from replays.inspect.errors import NoDisplay, NoVulkan, Unreadable, ViewError
+
+START = 30.0  # s for the viewer to answer; a software Vulkan compiles its shaders first
+LOAD = 60.0  # s for a recording to be loaded
+GREETING = 2.5  # s: the viewer shows a note about itself at first
+SETTLE = 0.4  # s between two pictures that must be the same
+TRIES = 20
+_SIGNS_OF_NO_VULKAN = ("No graphics adapter", "Failed to get render context")
+
+
+def save_picture(rrd: Path, out: Path, at: float | None, size: tuple[int, int]) -> None:
+    """See `replays.inspect.screenshot`."""
+    if not rrd.is_file():
+        raise Unreadable(f"{rrd}: no such file; expected a Rerun recording")
+    with _headless(size) as viewer:
+        viewer.open(str(rrd.resolve()))
+        _wait_loaded(viewer, rrd)
+        when = timedelta(seconds=_end(viewer) if at is None else at)
+        viewer.set_time(TIMELINE, duration=when, play_state="paused")
+        time.sleep(GREETING)
+        _paint(viewer, out)
+        _raise_reports(viewer.get_state())
+
+
+def open_window(rrd: Path, web: bool) -> None:
+    """See `replays.inspect.open_viewer`."""
+    if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise NoDisplay("this machine has no screen: use --save FILE.rrd, --screenshot FILE.png, or --web")
+    command = [str(_binary()), str(rrd)]
+    if web:
+        # The default address is every network this machine is on.
+        command += ["--web-viewer", "--bind", "127.0.0.1"]
+    subprocess.run(command, check=True, env=_environment())
+
+
+def _binary() -> Path:
+    """Return the viewer itself: the console script is a wrapper that leaves it alive when killed."""
+    folder = Path(rerun_cli.__file__).parent
+    return folder / ("rerun.exe" if sys.platform == "win32" else "rerun")
+
+
+@contextmanager
+def _headless(size: tuple[int, int]) -> Iterator[ViewerClient]:
+    """Run a viewer without a window, drawing `size` pixels, for as long as the block runs."""
+    port = _free_port()
+    command = [str(_binary()), "--headless", "--hide-welcome-screen", "--bind", "127.0.0.1"]
+    command += ["--port", str(port), "--window-size", f"{size[0]}x{size[1]}"]
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, env=_environment())
+        try:
+            yield _connect(process, port)
+        except (ConnectionError, RuntimeError, TimeoutError) as error:
+            output.seek(0)
+            raise _cause(error, output.read().decode(errors="replace")) from error
+        finally:
+            process.kill()
+            process.wait()
+
+
+def _cause(error: Exception, said: str) -> NoVulkan | ViewError:
+    """Return what a viewer that failed died of, by what it said."""
+    if any(sign in said for sign in _SIGNS_OF_NO_VULKAN):
+        return NoVulkan(
+            "no Vulkan to draw with; install the Debian packages mesa-vulkan-drivers (25 or newer, from backports) "
+            "and libvulkan1: deploy/system-packages does"
+        )
+    return ViewError(f"the viewer failed: {error}; it said: {said[-800:]}")
+
+
+def _environment() -> dict[str, str]:
+    # Both keep the viewer from reporting its use.
+    return {**os.environ, "RERUN_APP_ONLY": "true", "CI": "1"}
+
+
+def _connect(process: subprocess.Popen[bytes], port: int) -> ViewerClient:
+    """Return a client of a viewer that has painted once: without Vulkan it dies of that."""
+    until = time.monotonic() + START
+    while process.poll() is None:
+        try:
+            viewer = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+            viewer.get_state()
+            return viewer
+        except (ConnectionError, RuntimeError, TimeoutError):
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.1)
+    raise RuntimeError(f"it ended with code {process.returncode}")
+
+
+def _wait_loaded(viewer: ViewerClient, rrd: Path) -> None:
+    until = time.monotonic() + LOAD
+    while time.monotonic() < until:
+        state = viewer.get_state()
+        if not state.loading and state.recordings and state.views:
+            return
+        time.sleep(0.1)
+    raise ViewError(f"{rrd} was not loaded within {LOAD:.0f} s")
+
+
+def _paint(viewer: ViewerClient, out: Path) -> None:
+    """Write `out` until nothing in it changes any more."""
+    before = b""
+    for _ in range(TRIES):
+        viewer.save_screenshot(str(out.resolve()))
+        now = out.read_bytes()
+        if now == before:
+            return
+        before = now
+        time.sleep(SETTLE)
+    raise ViewError(f"the picture still changes after {TRIES} times")
+
+
+def _end(viewer: ViewerClient) -> float:
+    """Return the last time of the recording, s."""
+    lines = [line for recording in viewer.get_state().recordings for line in recording.timelines]
+    return max((line.end or 0) / 1e9 for line in lines if line.name == TIMELINE)
+
+
+def _raise_reports(state: ViewerState) -> None:
+    """Raise ViewError with everything that the views could not show."""
+    wrong = [
+        f"{view.name}: {report.summary} {report.details or ''}".rstrip()
+        for view in state.views
+        for report in view.reports
+    ]
+    if wrong:
+        raise ViewError("; ".join(wrong))
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,1 @@
+"""The runtime: messages, the service contract, schedulers, journal, recorder, configuration, command line."""

@@ -1,0 +1,1 @@
+"""The `pushlane` command line."""

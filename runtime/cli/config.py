@@ -1,0 +1,61 @@
+"""`pushlane config`: the settings that hold, and where each came from."""
+
+from __future__ import annotations
+
+import json
+from importlib import import_module
+from typing import Annotated
+
+import typer
+
+from runtime.cli.options import Assignments, ConfigFile, layers
+
+app = typer.Typer(no_args_is_help=True, help="Look at settings.")
+
+
+def register(root: typer.Typer) -> None:
+    """Add the verbs of this module to `root`."""
+    root.add_typer(app, name="config")
+
+
+@app.command()
+def show(
+    section: Annotated[str, typer.Argument(help="Only this section.", show_default=False)] = "",
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="Also what the scene and the seed decide: furniture, the object's body."),
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON: key, value, origin.")] = False,
+) -> None:
+    """Print every setting with the place its value came from: default, a file, --set, or scene and seed.
+
+    The output is TOML that --config reads again.
+    """
+    session = import_module("experiments.session").prepare(layers(config, assignments))
+    rows = [
+        (key, value, origin)
+        for key, value, origin in session.effective.rows()
+        if (not section or key.split(".")[0] == section) and (everything or not origin.startswith("scene "))
+    ]
+    if not rows:
+        names = ", ".join(session.effective.sections)
+        raise typer.BadParameter(f"no section is called '{section}'; expected one of {names}")
+    if as_json:
+        typer.echo(json.dumps([{"key": k, "value": v, "origin": o} for k, v, o in rows], indent=1))
+        return
+    current = ""
+    for key, value, origin in rows:
+        head, _, name = key.partition(".")
+        if head != current:
+            typer.echo(f"{'' if not current else chr(10)}[{head}]")
+            current = head
+        text = f"{name} = {_toml(value)}" if value is not None else f"# {name} is not set"
+        typer.echo(f"{text:<40} # {origin}")
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(k)} = {_toml(v)}" for k, v in value.items()) + "}"
+    return json.dumps(value)

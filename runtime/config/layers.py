@@ -1,0 +1,201 @@
+"""Merges layers of configuration into typed sections, and says where each value came from.
+
+A section is a `msgspec.Struct` with `forbid_unknown_fields`; ranges are `msgspec.Meta` annotations.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from runtime.errors import PushlaneError
+
+Values = dict[str, Any]
+_AT = re.compile(r"^(?P<what>.*?)(?: - at `\$\.?(?P<path>[^`]*)`)?$", re.DOTALL)
+_UNKNOWN = re.compile(r"unknown field `(?P<field>[^`]*)`")
+
+
+class ConfigError(PushlaneError):
+    """A configuration value is wrong; the message names the file, the key and what was expected."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Values from one place. Later layers override earlier ones.
+
+    Attributes:
+        origin: where the values come from, in words a user recognises: a file, an option.
+        values: section -> key -> value, nested as in TOML.
+    """
+
+    origin: str
+    values: Values
+
+
+@dataclass(frozen=True)
+class Effective:
+    """The configuration that holds.
+
+    Attributes:
+        sections: section -> its structure.
+        origins: dotted key -> origin, for every key that is not at its default.
+    """
+
+    sections: dict[str, msgspec.Struct]
+    origins: dict[str, str]
+
+    def rows(self) -> Iterator[tuple[str, object, str]]:
+        """Return (dotted key, value, origin) of every value, defaults included."""
+        for section, structure in self.sections.items():
+            yield from self._rows(section, msgspec.to_builtins(structure))
+
+    def _rows(self, key: str, value: object) -> Iterator[tuple[str, object, str]]:
+        if isinstance(value, dict) and value:
+            for name, inner in value.items():
+                yield from self._rows(f"{key}.{name}", inner)
+            return
+        origin = next((self.origins[part] for part in _prefixes(key) if part in self.origins), "default")
+        yield key, value, origin
+
+
+def read_toml(path: Path) -> Layer:
+    """Return the layer that a TOML file holds.
+
+    Raises:
+        ConfigError: the file is missing, or no TOML.
+    """
+    try:
+        return Layer(str(path), tomllib.loads(path.read_text()))
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} is not valid TOML: {error}") from error
+
+
+def read_assignments(assignments: Sequence[str], origin: str = "--set") -> Layer:
+    """Return the layer of `section.key=value` texts; values are TOML, and text needs no quotes.
+
+    Raises:
+        ConfigError: a text is no assignment.
+    """
+    values: Values = {}
+    for text in assignments:
+        key, equals, value = text.partition("=")
+        parts = key.strip().split(".")
+        if not equals or len(parts) < 2 or not all(parts):
+            raise ConfigError(f"{origin} {text}: expected section.key=value, as in controller.k_gamma=0.2")
+        inner = values
+        for part in parts[:-1]:
+            inner = inner.setdefault(part, {})
+            if not isinstance(inner, dict):
+                raise ConfigError(f"{origin} {text}: '{part}' already has a value, so it has no keys")
+        try:
+            inner[parts[-1]] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            inner[parts[-1]] = value.strip()
+    return Layer(origin, values)
+
+
+def effective(kinds: Mapping[str, type[msgspec.Struct]], layers: Sequence[Layer]) -> Effective:
+    """Merge `layers` over the defaults of `kinds`.
+
+    Args:
+        kinds: section -> its structure class.
+        layers: weakest first.
+
+    Raises:
+        ConfigError: an unknown section or key, a wrong type, a value out of range, a number that is not finite.
+    """
+    merged: Values = {}
+    origins: dict[str, str] = {}
+    for layer in layers:
+        for section, values in layer.values.items():
+            if section not in kinds:
+                hint = _hint(section, list(kinds))
+                raise ConfigError(f"{layer.origin}: unknown section [{section}]{hint}")
+            if not isinstance(values, dict):
+                raise ConfigError(f"{layer.origin}: [{section}] is to be a table, not {values!r}")
+        _merge(merged, layer.values, layer.origin, "", origins)
+    sections = {}
+    for section, kind in kinds.items():
+        try:
+            sections[section] = msgspec.convert(merged.get(section, {}), kind)
+        except msgspec.ValidationError as error:
+            raise _explain(error, section, kind, merged.get(section, {}), origins) from error
+        _refuse_nonfinite(merged.get(section, {}), section, origins)
+    return Effective(sections, origins)
+
+
+def _merge(into: Values, values: Values, origin: str, prefix: str, origins: dict[str, str]) -> None:
+    for key, value in values.items():
+        path = f"{prefix}{key}"
+        if isinstance(value, dict) and isinstance(into.get(key, {}), dict):
+            _merge(into.setdefault(key, {}), value, origin, f"{path}.", origins)
+        else:
+            into[key] = value
+            origins[path] = origin
+
+
+def _explain(
+    error: msgspec.ValidationError,
+    section: str,
+    kind: type[msgspec.Struct],
+    values: Values,
+    origins: dict[str, str],
+) -> ConfigError:
+    match = _AT.match(str(error))
+    what, path = (match["what"], match["path"] or "") if match else (str(error), "")
+    key = f"{section}.{path}" if path else section
+    unknown = _UNKNOWN.search(what)
+    if unknown:
+        key = f"{key}.{unknown['field']}"
+        what = f"no such key{_hint(unknown['field'], _known_fields(kind, path))}"
+    else:
+        found: Any = values
+        for part in path.split("."):
+            found = found.get(part) if isinstance(found, dict) else None
+        what = what[:1].lower() + what[1:] + (f" (found {found!r})" if found is not None and path else "")
+    origin = next((origins[part] for part in _prefixes(key) if part in origins), None)
+    origin = origin or next((o for k, o in origins.items() if k.startswith(f"{key}.")), "default")
+    return ConfigError(f"{origin}: {key}: {what}")
+
+
+def _known_fields(kind: type, path: str) -> list[str]:
+    for part in filter(None, path.split(".")):
+        field = next((f for f in msgspec.structs.fields(kind) if f.encode_name == part), None)
+        if field is None or not isinstance(field.type, type) or not issubclass(field.type, msgspec.Struct):
+            return []
+        kind = field.type
+    return [field.encode_name for field in msgspec.structs.fields(kind)]
+
+
+def _hint(name: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    if close:
+        return f"; did you mean '{close[0]}'?"
+    return f"; expected one of {', '.join(known)}" if known else ""
+
+
+def _refuse_nonfinite(value: object, key: str, origins: dict[str, str]) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        origin = next((origins[part] for part in _prefixes(key) if part in origins), "default")
+        raise ConfigError(f"{origin}: {key}: expected a finite number (found {value})")
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            _refuse_nonfinite(inner, f"{key}.{name}", origins)
+    if isinstance(value, list | tuple):
+        for inner in value:
+            _refuse_nonfinite(inner, key, origins)
+
+
+def _prefixes(key: str) -> list[str]:
+    parts = key.split(".")
+    return [".".join(parts[:count]) for count in range(len(parts), 0, -1)]

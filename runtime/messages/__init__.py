@@ -1,0 +1,63 @@
+"""Every message on the bus: our own, generated from the .proto files beside, and Foxglove's."""
+
+from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
+from foxglove_schemas_protobuf.Log_pb2 import Log
+
+from runtime.messages.base_pb2 import MotionLimits, Odometry, RangeArray, RobotStatus, VelocityCommand
+from runtime.messages.geometry_pb2 import Polyline, Pose2, Twist2, Vector2
+from runtime.messages.push_pb2 import (
+    CancelRequest,
+    Corridor,
+    FailureCause,
+    PushBehaviour,
+    PushGoal,
+    PushOutcome,
+    PushPhase,
+    PushStatus,
+    PushTarget,
+)
+from runtime.messages.session_pb2 import (
+    EntryKind,
+    Health,
+    InputHealth,
+    Journal,
+    Reply,
+    Request,
+    Snapshot,
+)
+from runtime.messages.world_pb2 import ObjectState, OccupancyGrid, RobotPose, Truth, Visibility
+
+__all__ = [
+    "CancelRequest",
+    "Corridor",
+    "EntryKind",
+    "FailureCause",
+    "Health",
+    "InputHealth",
+    "Journal",
+    "LaserScan",
+    "Log",
+    "MotionLimits",
+    "ObjectState",
+    "OccupancyGrid",
+    "Odometry",
+    "Polyline",
+    "Pose2",
+    "PushBehaviour",
+    "PushGoal",
+    "PushOutcome",
+    "PushPhase",
+    "PushStatus",
+    "PushTarget",
+    "RangeArray",
+    "Reply",
+    "Request",
+    "RobotPose",
+    "RobotStatus",
+    "Snapshot",
+    "Truth",
+    "Twist2",
+    "Vector2",
+    "VelocityCommand",
+    "Visibility",
+]

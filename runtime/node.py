@@ -1,0 +1,253 @@
+"""A node hosts one service: it decodes events, runs handlers under guard, numbers and journals what comes out.
+
+Whoever schedules (the virtual-time scheduler, a replay, later a live loop) decides which event comes next and
+when; a node never does. The same node therefore behaves the same in every mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from google.protobuf.message import DecodeError, Message
+
+from runtime import state, topics
+from runtime.errors import PushlaneError
+from runtime.finite import nonfinite
+from runtime.guard import Guard
+from runtime.journal import JournalWriter
+from runtime.messages import EntryKind, Reply, Request, Snapshot
+from runtime.service import Answer, Publication, Service
+from runtime.time import Time, nanoseconds
+
+_Out = tuple[str, bytes]  # topic, payload
+
+
+class BadMessage(PushlaneError):
+    """A payload does not parse, or holds a number that is not finite."""
+
+
+class BadHandler(PushlaneError):
+    """A service broke its contract while running: this is a mistake in the service."""
+
+    exit_code = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A message with its envelope, as it travels and as it is recorded.
+
+    Attributes:
+        topic: name in the table of topics.
+        sequence: of this topic, from 1; (topic, sequence) names the message.
+        time: logical time of publication, ns.
+        payload: the encoded message.
+    """
+
+    topic: str
+    sequence: int
+    time: Time
+    payload: bytes
+
+
+@dataclass
+class HostState:
+    """What a node keeps beside its service's state."""
+
+    start: Time = 0
+    produced: dict[str, int] = field(default_factory=dict)  # topic -> last sequence
+    consumed: dict[str, int] = field(default_factory=dict)  # topic -> last sequence
+    fired: dict[str, int] = field(default_factory=dict)  # timer -> number of the last firing
+    latest: dict[str, bytes] = field(default_factory=dict)  # topic -> newest payload consumed
+    snapshots: int = 0
+
+
+class Node:
+    """Runs one service, event by event.
+
+    Args:
+        service: just built.
+        guard: an open guard; None runs handlers unguarded (timing comparisons only).
+    """
+
+    def __init__(self, service: Service, guard: Guard | None) -> None:
+        self.service = service
+        self.name = service.name
+        self.contract = service.contract
+        self.host = HostState()
+        self.journal = JournalWriter(self.name)
+        self._guard = guard
+        self._handlers: dict[str, Callable[..., Any]] = {
+            source: getattr(service, method) for source, method in self.contract.handlers.items()
+        }
+        self._kinds = {name: source.topic.message for name, source in self.contract.inputs.items()}
+        self._periods = {
+            name: nanoseconds(timer.seconds(service.config)) for name, timer in self.contract.timers.items()
+        }
+        short = [name for name, period in self._periods.items() if period <= 0]
+        if short:
+            raise BadHandler(f"service '{self.name}': the period of timer '{short[0]}' is not above 0")
+
+    def begin(self, now: Time) -> list[Sample]:
+        """Start the service's life at `now`. Returns its first snapshot."""
+        self.host.start = now
+        self.journal.add(EntryKind.STARTED, "", 0, now)
+        return [self.take_snapshot(now)]
+
+    def resume(self, snapshot: Snapshot) -> None:
+        """Go on from `snapshot` as if the service had never stopped.
+
+        Raises:
+            BadSnapshot: its bytes do not fit this service.
+        """
+        self.host = state.decode(HostState, snapshot.host)
+        latest = {}
+        for topic, payload in self.host.latest.items():
+            if topic not in self._kinds:
+                raise state.BadSnapshot(f"snapshot of '{self.name}' has an input '{topic}' that it does not know")
+            latest[topic] = _parse(self._kinds[topic], payload, topic)
+        self.service.restore(snapshot.service, latest)
+        self.journal = JournalWriter(self.name, first=snapshot.entry + 1, digest=snapshot.digest)
+
+    def due(self) -> list[tuple[Time, str]]:
+        """Return when each timer fires next: (due, timer)."""
+        return [(self._due(name), name) for name in self._periods]
+
+    def period(self, timer: str) -> Time:
+        """Return the period of `timer` in ns."""
+        return self._periods[timer]
+
+    def consume(self, sample: Sample, now: Time, finish: Time) -> list[Sample]:
+        """Give the service a message of one of its inputs at `now`; what it publishes is stamped `finish`.
+
+        Raises:
+            BadMessage: the payload does not parse.
+            BadHandler: the service broke its contract.
+        """
+        message = _parse(self._kinds[sample.topic], sample.payload, sample.topic)
+        self.journal.add(EntryKind.MESSAGE, sample.topic, sample.sequence, now, sample.payload)
+        self.host.consumed[sample.topic] = sample.sequence
+        self.host.latest[sample.topic] = sample.payload
+        self.service.latest[sample.topic] = message
+        handler = self._handlers.get(sample.topic)
+        if handler is None:
+            return []
+        return self._publish(self._run(sample.topic, handler, message, now)[0], finish)
+
+    def fire(self, timer: str, number: int, now: Time, finish: Time) -> list[Sample]:
+        """Give the service firing `number` of `timer` at `now`. Firings that came too late may be left out."""
+        self.host.fired[timer] = number
+        self.journal.add(EntryKind.TIMER, timer, number, now)
+        return self._publish(self._run(timer, self._handlers[timer], now)[0], finish)
+
+    def ask(self, request: Request, now: Time, finish: Time) -> list[Sample]:
+        """Ask the service; its reply is the sample on the node's reply topic.
+
+        Raises:
+            BadMessage: the payload does not parse as the request's type.
+        """
+        source = self.contract.requests[request.name]
+        message = _parse(source.message, request.payload, request.name)
+        self.journal.add(EntryKind.REQUEST, request.name, request.id, now, request.payload)
+        outs, answers = self._run(request.name, self._handlers[request.name], message, now)
+        if len(answers) != 1:
+            raise BadHandler(f"service '{self.name}' gave {len(answers)} answers to '{request.name}', not one")
+        answer = answers[0]
+        samples = self._publish(outs, finish)
+        reply = Reply(id=request.id, name=request.name, accepted=answer.accepted, reason=answer.reason)
+        payload = reply.SerializeToString(deterministic=True)
+        self.journal.add(EntryKind.REPLIED, request.name, request.id, finish, payload)
+        return [*samples, Sample(topics.reply(self.name).name, self._number("reply"), finish, payload)]
+
+    def take_snapshot(self, now: Time) -> Sample:
+        """Return the node's whole state. Taking one is an event of the service's life like any other."""
+        self.host.snapshots += 1
+        service = self._frozen()
+        snapshot = Snapshot(
+            node=self.name,
+            number=self.host.snapshots,
+            time=now,
+            entry=self.journal.number,
+            service=service,
+            host=state.encode(self.host),
+        )
+        self.journal.add(EntryKind.SNAPSHOT, "", snapshot.number, now, snapshot.service + snapshot.host)
+        snapshot.digest = self.journal.digest
+        payload = snapshot.SerializeToString(deterministic=True)
+        return Sample(topics.snapshot(self.name).name, snapshot.number, now, payload)
+
+    def flush(self, now: Time) -> Sample | None:
+        """Return the journal entries since the last flush as a sample, or None if there are none."""
+        batch = self.journal.batch()
+        if batch is None:
+            return None
+        payload = batch.SerializeToString(deterministic=True)
+        # The number of the batch's last entry grows from batch to batch, so it serves as sequence.
+        return Sample(topics.journal(self.name).name, self.journal.number, now, payload)
+
+    def _due(self, timer: str) -> Time:
+        return self.host.start + (self.host.fired.get(timer, 0) + 1) * self._periods[timer]
+
+    def _run(self, source: str, handler: Callable[..., Any], *args: object) -> tuple[list[_Out], list[Answer]]:
+        """Run one handler. Messages are encoded as they are yielded: a handler may change its own afterwards."""
+        guard = self._guard
+        if guard is not None:
+            guard.handler = self.contract.handlers.get(source, source)
+            guard.node = self.name
+        try:
+            outs: list[_Out] = []
+            answers: list[Answer] = []
+            for effect in handler(*args) or ():
+                if isinstance(effect, Publication):
+                    outs.append(self._encode(effect, source))
+                elif isinstance(effect, Answer):
+                    answers.append(effect)
+                else:
+                    raise BadHandler(f"service '{self.name}' yielded {effect!r} in the handler of '{source}'")
+            return outs, answers
+        finally:
+            if guard is not None:
+                guard.node = None
+
+    def _encode(self, effect: Publication, source: str) -> _Out:
+        topic = effect.topic
+        if topic not in self.contract.outputs and topic != topics.log(self.name).name:
+            raise BadHandler(f"service '{self.name}' published '{topic}', which it does not declare")
+        bad = nonfinite(effect.message)
+        if bad is not None:
+            raise BadHandler(
+                f"service '{self.name}' published '{topic}' with {bad} not finite in the handler of '{source}'"
+            )
+        return topic, effect.message.SerializeToString(deterministic=True)
+
+    def _publish(self, outs: list[_Out], finish: Time) -> list[Sample]:
+        samples = []
+        for topic, payload in outs:
+            sequence = self._number(topic)
+            self.journal.add(EntryKind.PRODUCED, topic, sequence, finish, payload)
+            samples.append(Sample(topic, sequence, finish, payload))
+        return samples
+
+    def _frozen(self) -> bytes:
+        guard = self._guard
+        if guard is None:
+            return self.service.snapshot()
+        with guard.during(self.name, "snapshot"):
+            return self.service.snapshot()
+
+    def _number(self, topic: str) -> int:
+        number = self.host.produced[topic] = self.host.produced.get(topic, 0) + 1
+        return number
+
+
+def _parse(kind: type[Message], payload: bytes, topic: str) -> Message:
+    message = kind()
+    try:
+        message.ParseFromString(payload)
+    except DecodeError as error:
+        raise BadMessage(f"'{topic}': {len(payload)} bytes are no {kind.__name__}: {error}") from error
+    bad = nonfinite(message)
+    if bad is not None:
+        raise BadMessage(f"'{topic}': {bad} is not finite")
+    return message

@@ -1,0 +1,1 @@
+"""Writing sessions to MCAP so that a crash costs little and any reader understands them."""

@@ -1,0 +1,109 @@
+"""The one table of topics: message type, delivery and expected rate of everything on the bus.
+
+A topic has one publisher, so (topic, sequence) names a message. Topics of the runtime itself exist once for
+every node and are made by the functions at the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Generic, TypeVar
+
+from google.protobuf.message import Message
+
+from runtime import messages as m
+
+M = TypeVar("M", bound=Message)
+
+
+class Delivery(Enum):
+    """What a consumer's queue keeps when its service is busy."""
+
+    RELIABLE = "reliable"  # every message, in order
+    LATEST = "latest"  # only the newest; an older one that still waits is dropped and counted
+
+
+@dataclass(frozen=True)
+class Topic(Generic[M]):
+    """A row of the table.
+
+    Attributes:
+        rate: expected rate in Hz; None for topics published on change or on request.
+        latched: a late joiner gets the last value at once.
+        scoring_only: for experiments and pictures; services may not subscribe.
+        tolerance: largest absolute difference of a float field that replay accepts where it cannot compare
+            bytes because CPU features or package versions differ from the recording's.
+    """
+
+    name: str
+    message: type[M]
+    rate: float | None = None
+    delivery: Delivery = Delivery.RELIABLE
+    latched: bool = False
+    scoring_only: bool = False
+    tolerance: float = 1e-6
+
+
+ODOMETRY = Topic("odometry", m.Odometry, rate=20, tolerance=0.02)
+SCAN = Topic("scan", m.LaserScan, rate=10, delivery=Delivery.LATEST, tolerance=0.2)
+RANGES = Topic("ranges", m.RangeArray, rate=20, delivery=Delivery.LATEST, tolerance=0.2)
+STATUS = Topic("status", m.RobotStatus, rate=5, latched=True)
+ROBOT_POSE = Topic("robot/pose", m.RobotPose, rate=20)
+MAP = Topic("map", m.OccupancyGrid, latched=True)
+OBJECT_STATE = Topic("object/state", m.ObjectState, rate=20)
+PUSH_GOAL = Topic("push/goal", m.PushGoal, latched=True)
+CORRIDOR = Topic("corridor", m.Corridor, latched=True)
+PUSH_TARGET = Topic("push/target", m.PushTarget, rate=20)
+PUSH_BEHAVIOUR = Topic("push/behaviour", m.PushBehaviour, rate=20)
+COMMAND = Topic("command", m.VelocityCommand, rate=20, delivery=Delivery.LATEST)
+PUSH_STATUS = Topic("push/status", m.PushStatus, rate=5, latched=True)
+TRUTH = Topic("truth", m.Truth, rate=20, scoring_only=True, tolerance=0.05)
+
+_TABLE: tuple[Topic[Any], ...] = (
+    ODOMETRY,
+    SCAN,
+    RANGES,
+    STATUS,
+    ROBOT_POSE,
+    MAP,
+    OBJECT_STATE,
+    PUSH_GOAL,
+    CORRIDOR,
+    PUSH_TARGET,
+    PUSH_BEHAVIOUR,
+    COMMAND,
+    PUSH_STATUS,
+    TRUTH,
+)
+TOPICS: dict[str, Topic[Any]] = {topic.name: topic for topic in _TABLE}
+
+
+def journal(node: str) -> Topic[m.Journal]:
+    """What `node` consumed and produced, in order, in batches."""
+    return Topic(f"journal/{node}", m.Journal, rate=10)
+
+
+def snapshot(node: str) -> Topic[m.Snapshot]:
+    """The whole state of `node`, now and then."""
+    return Topic(f"snapshot/{node}", m.Snapshot, latched=True)
+
+
+def health(node: str) -> Topic[m.Health]:
+    """Handler times, queue lengths and drops of `node`; live mode only."""
+    return Topic(f"health/{node}", m.Health, rate=1, latched=True)
+
+
+def request(node: str) -> Topic[m.Request]:
+    """Requests that `node` was asked, as they came."""
+    return Topic(f"request/{node}", m.Request)
+
+
+def reply(node: str) -> Topic[m.Reply]:
+    """The answers of `node` to its requests."""
+    return Topic(f"reply/{node}", m.Reply)
+
+
+def log(node: str) -> Topic[m.Log]:
+    """What `node` has to say in words."""
+    return Topic(f"log/{node}", m.Log)

@@ -1,0 +1,167 @@
+"""Moves the base so that the object advances along the push-line (Sec. 5.1, 5.2)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import topics
+from runtime.messages import Corridor, ObjectState, PushBehaviour, RobotPose, Twist2, VelocityCommand, Visibility
+from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
+from runtime.time import Time, nanoseconds
+from services.controller import barrier, centroid, dipole, push_law
+from services.controller.config import ControllerConfig
+from services.controller.heading import HeadingState, turn
+from services.controller.push_law import Behaviour, Gains
+from services.geometry.corridor import CorridorGeometry
+from services.geometry.wire import geometry, vector
+from services.learner.movement import alpha
+from services.learner.von_mises import activations
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a controller wants: velocity (2,), m/s, map frame, and its activations."""
+
+    u: Array
+    psi_push: float = 0.0
+    psi_relocate: float = 0.0
+    limited: bool = False
+
+
+@dataclass
+class ControllerState:
+    """What the service goes on from."""
+
+    heading: HeadingState = field(default_factory=HeadingState)
+
+
+class ControllerService(Service):
+    """Sends velocity commands at a fixed rate while a goal is active, and zero when it cannot know better."""
+
+    name = "controller"
+    Config = ControllerConfig
+
+    odometry = Input(topics.ODOMETRY)
+    status = Input(topics.STATUS)
+    robot = Input(topics.ROBOT_POSE)
+    object = Input(topics.OBJECT_STATE)
+    goal = Input(topics.PUSH_GOAL)
+    corridor = Input(topics.CORRIDOR)
+    target = Input(topics.PUSH_TARGET)
+    behaviour = Input(topics.PUSH_BEHAVIOUR)
+    command = Output(topics.COMMAND)
+    tick = Timer(lambda config: 1 / config.rate)
+
+    config: ControllerConfig
+    state: ControllerState
+
+    def __init__(self, config: ControllerConfig) -> None:
+        super().__init__(config)
+        self.state = ControllerState()
+        self._geometry: CorridorGeometry | None = None
+
+    def thaw(self) -> None:
+        """Rebuild the geometry of the newest corridor."""
+        self._geometry = None if self.corridor is None else geometry(self.corridor)
+
+    @on(corridor)
+    def prepare(self, corridor: Corridor, now: Time) -> None:
+        """Make a new corridor ready for look-up."""
+        self._geometry = geometry(corridor)
+
+    @on(tick)
+    def control(self, now: Time) -> Effects:
+        """Send the command for now."""
+        if self.goal is None or self.odometry is None:
+            return
+        robot, object = self.robot, self.object
+        if robot is None or object is None or not self._may_move(robot, object, now):
+            self.state.heading = HeadingState()
+            yield self._command(Wish(np.zeros(2)), 0.0, 0.0, now)
+            return
+        r, o = np.array((robot.pose.x, robot.pose.y)), vector(object.position)
+        wish = self._filtered(self._wish(self.goal.controller, r, o), r)
+        config = self.config
+        omega, cut = turn(
+            self.state.heading,
+            robot.stamp * 1e-9,
+            r,
+            robot.pose.theta,
+            o,
+            config.heading_p,
+            config.heading_d,
+            config.heading_limit,
+        )
+        yield self._command(
+            Wish(wish.u, wish.psi_push, wish.psi_relocate, wish.limited or cut), robot.pose.theta, omega, now
+        )
+
+    def _may_move(self, robot: RobotPose, object: ObjectState, now: Time) -> bool:
+        """Tell whether there is a push under way and everything it needs is fresh."""
+        goal, corridor, target, behaviour = self.goal, self.corridor, self.target, self.behaviour
+        assert goal is not None
+        if corridor is None or target is None or behaviour is None or not goal.active:
+            return False
+        if corridor.goal_id != goal.id or not corridor.found or target.corridor_version != corridor.version:
+            return False
+        oldest = min(robot.stamp, object.stamp)
+        coincide = object.position == target.target
+        fresh = now - oldest <= nanoseconds(self.config.patience)
+        return fresh and object.visibility != Visibility.LOST and not coincide
+
+    def _wish(self, name: str, r: Array, o: Array) -> Wish:
+        assert self.target is not None
+        assert self.behaviour is not None
+        t, config = vector(self.target.target), self.config
+        if name == "centroid":
+            u, limited = centroid.command(r, o, t, config.centroid_k_g, config.centroid_k_c, config.centroid_saturation)
+            return Wish(u, limited=limited)
+        angle = alpha(r, o, t)
+        if name == "dipole":
+            return Wish(dipole.command(r, o, angle, config.speed))
+        known = self._learned(self.behaviour, angle) if name == "adaptive" else self._prior(self.behaviour, angle)
+        gains = Gains(config.k_gamma, config.k_mu_gamma, config.speed)
+        return Wish(push_law.command(r, o, angle, known, gains), known.psi_push, known.psi_relocate)
+
+    def _learned(self, behaviour: PushBehaviour, angle: float) -> Behaviour:
+        psi_push, psi_relocate = activations(angle, behaviour.mu, behaviour.kappa)
+        return Behaviour(behaviour.alpha_p, psi_push, psi_relocate, behaviour.gamma, behaviour.mean_gamma)
+
+    def _prior(self, behaviour: PushBehaviour, angle: float) -> Behaviour:
+        return push_law.non_adaptive(angle, behaviour.gamma)
+
+    def _filtered(self, wish: Wish, r: Array) -> Wish:
+        if not self.config.barrier or self._geometry is None:
+            return wish
+        u, limited = barrier.guard(
+            self._geometry.field, r, wish.u, self.config.barrier_gain, self.config.barrier_margin
+        )
+        return Wish(u, wish.psi_push, wish.psi_relocate, wish.limited or limited)
+
+    def _command(self, wish: Wish, theta: float, omega: float, now: Time) -> Publication:
+        assert self.odometry is not None
+        assert self.goal is not None
+        scale, limit = 1.0, math.inf if self.status is None else self.status.limits.speed
+        speed = math.hypot(wish.u[0], wish.u[1])
+        if speed > limit:
+            scale = limit / speed
+        c, s = math.cos(theta), math.sin(theta)
+        vx, vy = scale * wish.u[0], scale * wish.u[1]
+        return self.command(
+            VelocityCommand(
+                stamp=now,
+                twist=Twist2(vx=c * vx + s * vy, vy=-s * vx + c * vy, omega=omega),
+                driver_sequence=self.odometry.driver_sequence,
+                deadline=nanoseconds(self.config.deadline),
+                controller=self.goal.controller,
+                psi_push=wish.psi_push,
+                psi_relocate=wish.psi_relocate,
+                limited=wish.limited or scale < 1.0,
+            )
+        )

@@ -1,0 +1,21 @@
+"""Settings of the corridor service."""
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+
+class CorridorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Settings of the corridor service (Sec. 3)."""
+
+    threshold: Annotated[float, Meta(gt=0, le=1, description="m, disagreement that Algorithm 1 acts on")] = 0.05
+    object_margin: Annotated[
+        float, Meta(ge=0, le=1, description="m around the object within which hits are taken for the object")
+    ] = 0.10
+    scan_maximum: Annotated[float, Meta(gt=0, le=200, description="m, laser readings from here on met nothing")] = 10.0
+    path_weight: Annotated[
+        float,
+        Meta(ge=0, le=100, description="how much the path keeps away from obstacles where there is room"),
+    ] = 3.0
+    clearance_cap: Annotated[float, Meta(gt=0, le=10, description="m, clearances beyond this count as this")] = 1.5

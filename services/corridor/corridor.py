@@ -1,0 +1,69 @@
+"""Finds the pushing corridor on a map: the path Q, its clearances C and widths (Sec. 3.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.corridor.clearance import Cells, Clearance, measure
+from services.corridor.shortest_path import PlanningError, Room, find
+from services.geometry.corridor import CorridorGeometry
+from services.geometry.field import depth
+
+__all__ = ["CorridorGeometry", "build"]
+
+Array = NDArray[np.float64]
+
+LEAD_IN_MARGIN = 0.1
+"""m inside the corridor from o to g at which the robot needs no lead-in."""
+
+_COMFORT_MARGIN = 0.2
+_ROBOT_ESCAPE = 0.3
+
+
+def build(
+    cells: Cells, resolution: float, origin: Array, r: Array, o: Array, g: Array, d_r: float, d_o: float,
+    *, weight: float = 3.0, cap: float = 1.5, object_margin: float = 0.05,
+) -> CorridorGeometry:  # fmt: skip
+    """Return the corridor from `o` to `g`, with a lead-in from `r` where the robot stands outside of it.
+
+    The robot starts behind the object, where the union of discs along o-g need not reach. So Q begins with a
+    collision-free path from r to o, unless the robot is at least LEAD_IN_MARGIN inside without. Not in the
+    paper, which leaves open how the robot's start is within the corridor.
+
+    Args:
+        cells: (H, W) uint8, row y first; 0 free, 100 occupied, 255 unknown.
+        resolution: m per cell.
+        origin: (2,), m, map frame, the outer corner of cell (0, 0).
+        r, o, g: (2,), m, map frame: robot, object, goal.
+        d_r, d_o: m, diameters of the robot and of the object's bounding circle.
+        weight: how much the path keeps away from obstacles where there is room; 0 is the shortest path.
+        cap: m, clearances beyond this count as this. A corridor in a hall stays a corridor, and obstacles that
+            are far away do not change it.
+        object_margin: m around the object's bounding circle within which occupied cells are the object.
+
+    Raises:
+        services.corridor.clearance.BadGrid: the grid cannot be used.
+        services.corridor.shortest_path.PlanningError: GoalBlocked, StartBlocked or NoPath.
+    """
+    discs = np.array([[o[0], o[1], 0.5 * d_o + object_margin], [r[0], r[1], 0.5 * d_r]])
+    clearance = measure(cells, resolution, origin, discs)
+    need = 0.5 * max(d_r, d_o)
+    comfort = max(min(d_r + d_o + _COMFORT_MARGIN, cap), need + _COMFORT_MARGIN)
+    path = find(clearance, o, g, Room(need, comfort, weight))
+    width = np.minimum(clearance.along(path), cap) - 0.5 * d_r
+    start = 0
+    if depth(r[0], r[1], path, width) < LEAD_IN_MARGIN:
+        lead_in = _lead_in(clearance, r, o, d_r, weight)
+        start = len(lead_in) - 1
+        path = np.vstack([lead_in[:-1], path])
+    return CorridorGeometry.of(path, start, np.minimum(clearance.along(path), cap), d_r, d_o)
+
+
+def _lead_in(clearance: Clearance, r: Array, o: Array, d_r: float, weight: float) -> Array:
+    """Return a path for the robot alone from `r` to `o`. It may start tight: the robot does stand there."""
+    room = Room(0.5 * d_r, 0.5 * d_r + _COMFORT_MARGIN, weight, escape=_ROBOT_ESCAPE)
+    try:
+        return find(clearance, r, o, room)
+    except PlanningError as error:
+        raise type(error)(f"from the robot to the object: {error}") from error

@@ -1,0 +1,1 @@
+"""Plane geometry that several services share: angles, polylines, the corridor's depth."""

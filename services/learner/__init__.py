@@ -1,0 +1,1 @@
+"""Learns how this object answers to pushes (Sec. 5.3)."""

@@ -1,0 +1,1 @@
+"""The pushing strategy (Sec. 4): chooses the intermediate pushing target inside the corridor."""

@@ -1,0 +1,1 @@
+"""Watches a push and scores it (Sec. 6.2)."""

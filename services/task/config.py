@@ -1,0 +1,26 @@
+"""Settings of the task service."""
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+
+class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Settings of the task service (Sec. 6.2). What a goal leaves open is taken from here."""
+
+    strategy: Annotated[str, Meta(description="of goals that name none")] = "strict"
+    controller: Annotated[str, Meta(description="of goals that name none")] = "adaptive"
+    precision: Annotated[float, Meta(gt=0, le=5, description="m, of goals that state none")] = 0.1
+    time_limit: Annotated[float, Meta(gt=0, le=36000, description="s, of goals that state none")] = 400.0
+    violation_tolerance: Annotated[
+        float,
+        Meta(ge=0, le=0.5, description="m a centre may seem outside the corridor: the noise of positions"),
+    ] = 0.02
+    stop_on_violation: Annotated[
+        bool, Meta(description="end the push as failed when a centre leaves the pushing corridor")
+    ] = True
+    lost_after: Annotated[float, Meta(gt=0, le=600, description="s without the object before the push fails")] = 10.0
+    planning_limit: Annotated[float, Meta(gt=0, le=600, description="s to wait for a corridor")] = 10.0
+    stall_after: Annotated[float, Meta(gt=0, le=36000, description="s without progress before the push fails")] = 60.0
+    stall_progress: Annotated[float, Meta(gt=0, le=5, description="m that count as progress")] = 0.05

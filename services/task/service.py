@@ -1,0 +1,255 @@
+"""Accepts goals, watches the push and says how it ends (Sec. 6.2)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from runtime import topics
+from runtime.messages import (
+    CancelRequest,
+    Corridor,
+    FailureCause,
+    ObjectState,
+    PushGoal,
+    PushOutcome,
+    PushPhase,
+    PushStatus,
+    RobotPose,
+    Visibility,
+)
+from runtime.service import Effects, Input, Output, Publication, RequestInput, Service, Timer, on
+from runtime.time import Time, seconds
+from services.geometry.corridor import CorridorGeometry
+from services.geometry.wire import geometry, vector
+from services.names import CONTROLLERS, STRATEGIES
+from services.task.config import TaskConfig
+from services.task import progress
+from services.task.progress import Cause, Limits, ProgressState
+
+_MIN_PRECISION = 0.005
+_MAX_COORDINATE = 1e4
+
+
+@dataclass
+class TaskState:
+    """What the task knows of the current push.
+
+    Attributes:
+        goal: the one accepted last; its id is 0 before the first.
+        accepted: when, ns.
+        status: as published last.
+        seen: when the object was last seen or predicted, ns.
+        pushing: when the first corridor came, ns.
+    """
+
+    goal: PushGoal = field(default_factory=PushGoal)
+    accepted: Time = 0
+    status: PushStatus = field(default_factory=PushStatus)
+    progress: ProgressState = field(default_factory=ProgressState)
+    seen: Time = 0
+    pushing: Time = 0
+
+
+class TaskService(Service):
+    """Turns a request into push/goal, follows the push, and reports its outcome and its cause."""
+
+    name = "task"
+    Config = TaskConfig
+
+    robot = Input(topics.ROBOT_POSE)
+    object = Input(topics.OBJECT_STATE)
+    corridor = Input(topics.CORRIDOR)
+    goal = Output(topics.PUSH_GOAL)
+    status = Output(topics.PUSH_STATUS)
+    ask_goal = RequestInput("push/goal", PushGoal)
+    ask_cancel = RequestInput("push/cancel", CancelRequest)
+    report = Timer(0.2)
+
+    config: TaskConfig
+    state: TaskState
+
+    def __init__(self, config: TaskConfig) -> None:
+        super().__init__(config)
+        self.state = TaskState()
+        self.state.status.phase = PushPhase.IDLE
+        self._geometry: CorridorGeometry | None = None
+
+    def thaw(self) -> None:
+        """Rebuild the geometry of the newest corridor."""
+        self._geometry = None if self.corridor is None else geometry(self.corridor)
+
+    @on(ask_goal)
+    def accept(self, request: PushGoal, now: Time) -> Effects:
+        """Take a goal, with defaults for what it leaves open, or say why not."""
+        refusal = self._refusal(request)
+        if refusal:
+            yield self.ask_goal.refuse(refusal)
+            return
+        yield self.ask_goal.accept()
+        goal = PushGoal()
+        goal.CopyFrom(request)
+        goal.stamp, goal.id, goal.active = now, self.state.goal.id + 1, True
+        goal.strategy = request.strategy or self.config.strategy
+        goal.controller = request.controller or self.config.controller
+        goal.precision = request.precision or self.config.precision
+        goal.time_limit = request.time_limit or self.config.time_limit
+        self.state = TaskState(goal=goal, accepted=now, seen=now)
+        self.state.status.CopyFrom(PushStatus(goal_id=goal.id, phase=PushPhase.PLANNING))
+        yield self.goal(goal)
+        yield self.say(
+            f"goal {goal.id} at ({goal.position.x:.2f}, {goal.position.y:.2f}) m accepted: "
+            f"{goal.strategy}, {goal.controller}, {goal.precision:g} m",
+            now,
+        )
+        yield self._report(now)
+
+    @on(ask_cancel)
+    def cancel(self, request: CancelRequest, now: Time) -> Effects:
+        """End the push on request."""
+        if not self.state.goal.active:
+            yield self.ask_cancel.refuse("no push is under way")
+            return
+        yield self.ask_cancel.accept()
+        yield from self._end(PushOutcome.CANCELLED, FailureCause.CAUSE_NONE, request.reason or "cancelled", now)
+
+    @on(corridor)
+    def begin(self, corridor: Corridor, now: Time) -> Effects:
+        """Start to push when there is a corridor, and end when there can be none."""
+        self._geometry = geometry(corridor)
+        if not self.state.goal.active or corridor.goal_id != self.state.goal.id:
+            return
+        if not corridor.found:
+            yield from self._end(PushOutcome.FAILED, FailureCause.NO_PATH, corridor.reason, now)
+        elif self.state.status.phase == PushPhase.PLANNING:
+            self.state.status.phase = PushPhase.PUSHING
+            self.state.pushing = now
+            yield self.say(f"pushing through a corridor of {len(corridor.path.x)} points", now)
+            yield self._report(now)
+        else:
+            progress.new_corridor(self.state.progress)
+
+    @on(object)
+    def watch(self, object: ObjectState, now: Time) -> Effects:
+        """Follow the object: delivered, out of the corridor, lost, or on its way."""
+        if not self.state.goal.active:
+            return
+        goal, status = self.state.goal, self.state.status
+        if object.visibility == Visibility.LOST:
+            if status.phase == PushPhase.PUSHING:
+                status.phase = PushPhase.WAITING
+                yield self.say("object lost from view", now, "WARNING")
+                yield self._report(now)
+            return
+        self.state.seen = now
+        if status.phase == PushPhase.WAITING:
+            status.phase = PushPhase.PUSHING
+            yield self.say("object seen again", now)
+        if self.robot is None or self._geometry is None or status.phase != PushPhase.PUSHING:
+            return
+        self._measure(self._geometry, self.robot, object, now)
+        # Noise must not decide: delivered is what is within the precision by two standard deviations.
+        doubt = 2.0 * math.sqrt(max(object.covariance[0], object.covariance[3])) if object.covariance else 0.0
+        if status.distance_left + doubt <= goal.precision:
+            yield from self._end(PushOutcome.DELIVERED, FailureCause.CAUSE_NONE, "", now)
+            return
+        cause = progress.failure(self.state.progress, self._limits())
+        if cause is not Cause.NONE:
+            yield from self._end(PushOutcome.FAILED, FailureCause.Value(cause.value), self._words(cause), now)
+
+    @on(report)
+    def tick(self, now: Time) -> Effects:
+        """Publish the status, and end pushes that take too long."""
+        if self.state.goal.active:
+            yield from self._time_out(now)
+        if self.state.goal.active or self.state.goal.id == 0:
+            yield self._report(now)
+
+    def _refusal(self, request: PushGoal) -> str:
+        if self.state.goal.active:
+            return f"goal {self.state.goal.id} is under way; cancel it first"
+        if max(abs(request.position.x), abs(request.position.y)) > _MAX_COORDINATE:
+            return f"position ({request.position.x}, {request.position.y}) is beyond {_MAX_COORDINATE:g} m"
+        if request.strategy and request.strategy not in STRATEGIES:
+            return f"no strategy is called '{request.strategy}'; expected one of {', '.join(STRATEGIES)}"
+        if request.controller and request.controller not in CONTROLLERS:
+            return f"no controller is called '{request.controller}'; expected one of {', '.join(CONTROLLERS)}"
+        if request.precision and request.precision < _MIN_PRECISION:
+            return f"precision {request.precision} m is below {_MIN_PRECISION} m"
+        if request.time_limit < 0:
+            return f"time limit {request.time_limit} s is below 0"
+        return ""
+
+    def _limits(self) -> Limits:
+        config = self.config
+        return Limits(
+            self.state.goal.time_limit,
+            config.violation_tolerance,
+            config.stop_on_violation,
+            config.stall_after,
+            config.stall_progress,
+        )
+
+    def _measure(self, corridor: CorridorGeometry, robot: RobotPose, object: ObjectState, now: Time) -> None:
+        status, state = self.state.status, self.state.progress
+        r, o, g = np.array((robot.pose.x, robot.pose.y)), vector(object.position), self.state.goal.position
+        progress.observe(
+            state,
+            self._limits(),
+            seconds(now - self.state.pushing),
+            r,
+            o,
+            corridor.field.value(r[0], r[1]),
+            corridor.field.value(o[0], o[1]),
+            corridor.distance_to_go(o),
+        )
+        status.distance_left = math.hypot(g.x - o[0], g.y - o[1])
+        status.robot_path_length = state.robot_path.length
+        status.object_path_length = state.object_path.length
+        status.robot_violations, status.object_violations = state.robot_violations, state.object_violations
+
+    def _words(self, cause: Cause) -> str:
+        return {
+            Cause.ROBOT_OUT: "the robot's centre left the pushing corridor",
+            Cause.OBJECT_OUT: "the object's centre left the pushing corridor",
+            Cause.STALL: f"no progress for {self.config.stall_after:g} s",
+            Cause.ORBIT: f"no progress for {self.config.stall_after:g} s, the robot circles the object",
+            Cause.TIME_LIMIT: f"not delivered within {self.state.goal.time_limit:g} s",
+        }[cause]
+
+    def _time_out(self, now: Time) -> Effects:
+        """End a push of which nothing is heard any more; what is heard is judged in `watch`."""
+        status, config = self.state.status, self.config
+        elapsed = seconds(now - self.state.accepted)
+        if seconds(now - self.state.seen) > config.lost_after:
+            reason = f"the object was not seen for {config.lost_after:g} s"
+            yield from self._end(PushOutcome.FAILED, FailureCause.OBJECT_LOST, reason, now)
+        elif status.phase == PushPhase.PLANNING and elapsed > config.planning_limit:
+            reason = f"no corridor within {config.planning_limit:g} s"
+            yield from self._end(PushOutcome.FAILED, FailureCause.NO_PATH, reason, now)
+        elif elapsed > self.state.goal.time_limit:
+            yield from self._end(PushOutcome.FAILED, FailureCause.TIME_LIMIT, self._words(Cause.TIME_LIMIT), now)
+
+    def _end(self, outcome: PushOutcome, cause: FailureCause, reason: str, now: Time) -> Effects:
+        status, goal = self.state.status, self.state.goal
+        status.phase, status.outcome, status.cause, status.reason = PushPhase.ENDED, outcome, cause, reason
+        goal.active = False
+        ended = PushGoal()
+        ended.CopyFrom(goal)
+        ended.stamp = now
+        yield self.goal(ended)
+        yield self.say(
+            f"goal {goal.id} {PushOutcome.Name(outcome).lower()}{': ' if reason else ''}{reason}",
+            now,
+            "INFO" if outcome == PushOutcome.DELIVERED else "WARNING",
+        )
+        yield self._report(now)
+
+    def _report(self, now: Time) -> Publication:
+        status = self.state.status
+        status.stamp = now
+        if self.state.goal.active or status.phase == PushPhase.ENDED:
+            status.elapsed = seconds(now - self.state.accepted)
+        return self.status(status)
