@@ -13,7 +13,7 @@ _FINE_DISC = (4, 12)
 _COARSE_DISC = (3, 8)
 _FINE_BOX = (6, 6)
 _LONG_BOX = (8, 4)
-_COARSE_BOX = (4, 4)
+_SPACING = 0.04
 _LONG = 2.0
 _ROUNDS = 64
 
@@ -120,7 +120,8 @@ def _quadrature(part: Shape, fine: bool) -> Area:
     if isinstance(part, Disc):
         return disc_points(part.radius, *(_FINE_DISC if fine else _COARSE_DISC))
     if not fine:
-        return box_points(part.length, part.width, *_COARSE_BOX)
+        columns, rows = (min(max(round(size / _SPACING), 3), 8) for size in (part.length, part.width))
+        return box_points(part.length, part.width, columns, rows)
     if part.length > _LONG * part.width:
         return box_points(part.length, part.width, *_LONG_BOX)
     if part.width > _LONG * part.length:

@@ -13,13 +13,13 @@ from runtime.messages import Corridor, ObjectState, PushBehaviour, RobotPose, Tw
 from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
 from runtime.time import Time, nanoseconds
 from services.controller import barrier, centroid, dipole, push_law
+from services.controller.activation import activations
 from services.controller.config import ControllerConfig
 from services.controller.heading import HeadingState, turn
 from services.controller.push_law import Behaviour, Gains
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry, vector
 from services.learner.movement import alpha
-from services.learner.von_mises import activations
 
 Array = NDArray[np.float64]
 

@@ -127,7 +127,7 @@ def at_arc_kernel(path: Array, arc: Array, length: float) -> tuple[float, float,
         return path[0, 0], path[0, 1], 0
     if length >= arc[n - 1]:
         return path[n - 1, 0], path[n - 1, 1], n - 1
-    i = np.searchsorted(arc, length, side="right") - 1
+    i = int(np.searchsorted(arc, length, side="right")) - 1
     t = (length - arc[i]) / (arc[i + 1] - arc[i])
     x = path[i, 0] + t * (path[i + 1, 0] - path[i, 0])
     y = path[i, 1] + t * (path[i + 1, 1] - path[i, 1])

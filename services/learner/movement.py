@@ -108,10 +108,8 @@ def observe(
         return Reading(False, state.gamma, state.mean_gamma, False)
     dx, dy = offsets[far[-1]]
     gamma = difference(theta_desired, math.atan2(dy, dx))
-    if accept is Accept.DECREASING:
-        good = state.moving and abs(gamma) < abs(state.gamma)
-    else:
-        good = abs(gamma) < small
+    decreasing = state.moving and abs(gamma) < abs(state.gamma)
+    good = decreasing if accept == Accept.DECREASING else abs(gamma) < small
     state.gamma, state.moving = gamma, True
     state.readings += 1
     state.mean_gamma += (gamma - state.mean_gamma) / state.readings

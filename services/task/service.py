@@ -26,8 +26,7 @@ from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry, vector
 from services.names import CONTROLLERS, STRATEGIES
 from services.task.config import TaskConfig
-from services.task import progress
-from services.task.progress import Cause, Limits, ProgressState
+from services.task.progress import Progress, violations
 
 _MIN_PRECISION = 0.005
 _MAX_COORDINATE = 1e4
@@ -42,15 +41,16 @@ class TaskState:
         accepted: when, ns.
         status: as published last.
         seen: when the object was last seen or predicted, ns.
-        pushing: when the first corridor came, ns.
+        best: m along Q, the least distance to go that counted as progress; since: when, ns.
     """
 
     goal: PushGoal = field(default_factory=PushGoal)
     accepted: Time = 0
     status: PushStatus = field(default_factory=PushStatus)
-    progress: ProgressState = field(default_factory=ProgressState)
+    progress: Progress = field(default_factory=Progress)
     seen: Time = 0
-    pushing: Time = 0
+    best: float = math.inf
+    since: Time = 0
 
 
 class TaskService(Service):
@@ -125,11 +125,11 @@ class TaskService(Service):
             yield from self._end(PushOutcome.FAILED, FailureCause.NO_PATH, corridor.reason, now)
         elif self.state.status.phase == PushPhase.PLANNING:
             self.state.status.phase = PushPhase.PUSHING
-            self.state.pushing = now
+            self.state.since = now
             yield self.say(f"pushing through a corridor of {len(corridor.path.x)} points", now)
             yield self._report(now)
         else:
-            progress.new_corridor(self.state.progress)
+            self.state.best = math.inf  # the new path changes the distance to go
 
     @on(object)
     def watch(self, object: ObjectState, now: Time) -> Effects:
@@ -155,9 +155,9 @@ class TaskService(Service):
         if status.distance_left + doubt <= goal.precision:
             yield from self._end(PushOutcome.DELIVERED, FailureCause.CAUSE_NONE, "", now)
             return
-        cause = progress.failure(self.state.progress, self._limits())
-        if cause is not Cause.NONE:
-            yield from self._end(PushOutcome.FAILED, FailureCause.Value(cause.value), self._words(cause), now)
+        cause = self._failure(now)
+        if cause != FailureCause.CAUSE_NONE:
+            yield from self._end(PushOutcome.FAILED, cause, self._words(cause), now)
 
     @on(report)
     def tick(self, now: Time) -> Effects:
@@ -182,41 +182,43 @@ class TaskService(Service):
             return f"time limit {request.time_limit} s is below 0"
         return ""
 
-    def _limits(self) -> Limits:
-        config = self.config
-        return Limits(
-            self.state.goal.time_limit,
-            config.violation_tolerance,
-            config.stop_on_violation,
-            config.stall_after,
-            config.stall_progress,
-        )
-
     def _measure(self, corridor: CorridorGeometry, robot: RobotPose, object: ObjectState, now: Time) -> None:
-        status, state = self.state.status, self.state.progress
-        r, o, g = np.array((robot.pose.x, robot.pose.y)), vector(object.position), self.state.goal.position
-        progress.observe(
-            state,
-            self._limits(),
-            seconds(now - self.state.pushing),
-            r,
-            o,
-            corridor.field.value(r[0], r[1]),
-            corridor.field.value(o[0], o[1]),
-            corridor.distance_to_go(o),
-        )
+        state, status, config = self.state, self.state.status, self.config
+        r, o, g = np.array((robot.pose.x, robot.pose.y)), vector(object.position), state.goal.position
+        state.progress.add(r, o)
         status.distance_left = math.hypot(g.x - o[0], g.y - o[1])
-        status.robot_path_length = state.robot_path.length
-        status.object_path_length = state.object_path.length
-        status.robot_violations, status.object_violations = state.robot_violations, state.object_violations
+        status.robot_path_length = state.progress.robot_length
+        status.object_path_length = state.progress.object_length
+        robot_out, object_out = violations(corridor.path, corridor.width_push, r, o, config.violation_tolerance)
+        status.robot_violations += robot_out
+        status.object_violations += object_out
+        to_go = corridor.distance_to_go(o)
+        if to_go <= state.best - config.stall_progress:
+            state.best, state.since = to_go, now
+            state.progress.progressed()
 
-    def _words(self, cause: Cause) -> str:
+    def _failure(self, now: Time) -> FailureCause:
+        """Return why the push has failed, or none while it has not."""
+        state, config = self.state, self.config
+        if config.stop_on_violation and state.status.object_violations:
+            return FailureCause.OBJECT_OUT
+        if config.stop_on_violation and state.status.robot_violations:
+            return FailureCause.ROBOT_OUT
+        idle = seconds(now - state.since)
+        late = seconds(now - state.accepted) >= state.goal.time_limit
+        # At the time limit too: without progress for half the patience it is no longer time that is lacking.
+        if idle >= config.stall_after or (late and idle >= 0.5 * config.stall_after):
+            return FailureCause.ORBIT if state.progress.orbiting() else FailureCause.STALL
+        return FailureCause.TIME_LIMIT if late else FailureCause.CAUSE_NONE
+
+    def _words(self, cause: FailureCause) -> str:
+        idle = f"no progress for {seconds(self.state.status.stamp - self.state.since):.0f} s"
         return {
-            Cause.ROBOT_OUT: "the robot's centre left the pushing corridor",
-            Cause.OBJECT_OUT: "the object's centre left the pushing corridor",
-            Cause.STALL: f"no progress for {self.config.stall_after:g} s",
-            Cause.ORBIT: f"no progress for {self.config.stall_after:g} s, the robot circles the object",
-            Cause.TIME_LIMIT: f"not delivered within {self.state.goal.time_limit:g} s",
+            FailureCause.ROBOT_OUT: "the robot's centre left the pushing corridor",
+            FailureCause.OBJECT_OUT: "the object's centre left the pushing corridor",
+            FailureCause.STALL: idle,
+            FailureCause.ORBIT: f"{idle}, the robot circles the object",
+            FailureCause.TIME_LIMIT: f"not delivered within {self.state.goal.time_limit:g} s",
         }[cause]
 
     def _time_out(self, now: Time) -> Effects:
@@ -230,7 +232,7 @@ class TaskService(Service):
             reason = f"no corridor within {config.planning_limit:g} s"
             yield from self._end(PushOutcome.FAILED, FailureCause.NO_PATH, reason, now)
         elif elapsed > self.state.goal.time_limit:
-            yield from self._end(PushOutcome.FAILED, FailureCause.TIME_LIMIT, self._words(Cause.TIME_LIMIT), now)
+            yield from self._end(PushOutcome.FAILED, FailureCause.TIME_LIMIT, self._words(FailureCause.TIME_LIMIT), now)
 
     def _end(self, outcome: PushOutcome, cause: FailureCause, reason: str, now: Time) -> Effects:
         status, goal = self.state.status, self.state.goal

@@ -91,7 +91,7 @@ def test_turning_is_multiplication_by_a_unit_complex_number(rows: list[tuple[flo
 
 @given(st.lists(angles, min_size=1, max_size=5))
 def test_quaternions_turn_about_the_vertical(theta: list[float]) -> None:
-    expected = Rotation.from_euler("z", theta).as_matrix()
+    expected = Rotation.from_euler("z", np.array(theta)[:, None]).as_matrix()
     assert Rotation.from_quat(shapes.quaternions(np.array(theta))).as_matrix() == pytest.approx(expected, abs=1e-12)
 
 

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+import replays.inspect.convert
+from replays.inspect import NoDisplay, NoVulkan, Unreadable, ViewError, open_viewer, palette, screenshot, to_rrd
+from replays.inspect.layout import Layout
+from replays.inspect.session import read_session
+from replays.inspect.show import show
+from runtime.messages import ObjectState, RobotPose
+
+
+def middle(picture: NDArray[np.uint8], colour: palette.Colour) -> NDArray[np.float64]:
+    """Mean place (x, y), px, of the largest patch of a colour in the map view, which is the left half."""
+    left = picture[:800, : picture.shape[1] * 9 // 20]
+    mask = (np.abs(left.astype(int) - np.array(colour[2::-1])).max(axis=2) < 12).astype(np.uint8)
+    _, _, stats, centroids = cv2.connectedComponentsWithStats(mask)
+    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    return np.asarray(centroids[largest], np.float64)
+
+
+@pytest.mark.render
+def test_the_picture_shows_robot_and_object_where_they_are(push: Path, tmp_path: Path) -> None:
+    to_rrd(push, tmp_path / "a.rrd")
+    places = []
+    for at in (3.0, 6.0):
+        screenshot(tmp_path / "a.rrd", tmp_path / "a.png", at)
+        picture = cv2.imread(str(tmp_path / "a.png"))
+        assert picture.shape == (1080, 1920, 3)
+        places.append((middle(picture, palette.ROBOT), middle(picture, palette.OBJECT)))
+    session = read_session(push)
+    robot, thing = session.track("robot/pose", RobotPose), session.track("object/state", ObjectState)
+    known = []
+    for at in (3_000_000_000, 6_000_000_000):
+        now = np.array([at])
+        pose, o = robot.messages[robot.latest(now)[0]].pose, thing.messages[thing.latest(now)[0]].position
+        known.append((np.array([pose.x, pose.y]), np.array([o.x, o.y])))
+    # The way between the two moments gives the scale; every other distance must fit it, with y up.
+    scale = np.hypot(*(places[1][1] - places[0][1])) / np.hypot(*(known[1][1] - known[0][1]))
+    flip = np.array([1.0, -1.0])
+    for first, second in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        seen = places[first][second] - places[0][1]
+        true = (known[first][second] - known[0][1]) * scale * flip
+        assert seen == pytest.approx(true, abs=8.0)
+
+
+@pytest.mark.render
+def test_every_view_can_show_its_data(push: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
+        if isinstance(part, rrb.View):
+            yield part
+        else:
+            for each in part.contents:
+                yield from views(each)
+
+    found: list[rrb.View] = []
+    laid_out = Layout.blueprint
+
+    def side_by_side(self: Layout) -> rrb.Blueprint:
+        found.extend(views(laid_out(self).root_container))
+        return rrb.Blueprint(rrb.Grid(*found, grid_columns=5), auto_views=False, auto_layout=False)
+
+    monkeypatch.setattr(replays.inspect.convert.Layout, "blueprint", side_by_side)
+    to_rrd(push, tmp_path / "a.rrd")
+    assert len(found) > 15
+    screenshot(tmp_path / "a.rrd", tmp_path / "a.png")
+
+
+@pytest.mark.render
+def test_a_view_that_cannot_show_its_data_is_named(tmp_path: Path) -> None:
+    recording = rr.RecordingStream("broken", recording_id="broken")
+    recording.save(tmp_path / "a.rrd", rrb.Blueprint(rrb.Spatial2DView(origin="/", name="Broken"), auto_views=False))
+    recording.set_time("t", duration=1.0)
+    recording.log("image", rr.EncodedImage(contents=b"no picture", media_type="image/jpeg"))
+    recording.flush()
+    recording.disconnect()
+    with pytest.raises(ViewError, match="Broken"):
+        screenshot(tmp_path / "a.rrd", tmp_path / "a.png", size=(640, 480))
+
+
+@pytest.mark.render
+def test_the_command_draws_a_picture(push: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    show(push, tmp_path / "a.rrd", tmp_path / "a.png", at=None)
+    assert (tmp_path / "a.rrd").stat().st_size > 100_000
+    assert cv2.imread(str(tmp_path / "a.png")).shape == (1080, 1920, 3)
+    assert "picture written to" in capsys.readouterr().out
+
+
+def test_without_vulkan_the_packages_are_named(push: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    to_rrd(push, tmp_path / "a.rrd")
+    for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
+        monkeypatch.setenv(name, str(tmp_path / "none.json"))
+    with pytest.raises(NoVulkan, match=r"mesa-vulkan-drivers \(25 or newer.*libvulkan1"):
+        screenshot(tmp_path / "a.rrd", tmp_path / "a.png")
+
+
+def test_without_a_screen_the_other_ways_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(NoDisplay, match="--save.*--screenshot"):
+        open_viewer(tmp_path / "a.rrd")
+
+
+def test_a_missing_recording_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(Unreadable, match="no such file"):
+        screenshot(tmp_path / "none.rrd", tmp_path / "a.png")
