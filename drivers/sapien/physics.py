@@ -88,6 +88,9 @@ def add_movable(
     # The entity's frame is the centre of mass: so a pose survives being read and set without rounding.
     component.cmass_local_pose = sapien.Pose()
     component.set_locked_motion_axes(_LOCKED)
+    # PhysX damps turning by default; what slows a body here is friction only.
+    component.set_linear_damping(0.0)
+    component.set_angular_damping(0.0)
     component.set_max_depenetration_velocity(_DEPENETRATION)
     entity = sapien.Entity()
     entity.add_component(component)

@@ -31,16 +31,14 @@ class Layout:
         """The whole window."""
         # The session's facts need a tall place; behind the map is one.
         facts = rrb.TextDocumentView(origin="/session", name="Session")
-        left = rrb.Vertical(rrb.Tabs(self._map(), facts, active_tab=0), self._lanes(), row_shares=[4.2, 1.2])
-        rows: list[tuple[rrb.Container, float]] = [
+        left = _stack((rrb.Tabs(self._map(), facts, active_tab=0), 4.2), (self._lanes(), 1.2))
+        right = _stack(
             (self._close_up(), 1.9),
             (self._learning(), 1.35),
             (self._velocities(), 1.15),
             (self._corridor(), 1.15),
             (self._texts(), 1.05),
-        ]
-        shown = [(view, share) for view, share in rows if view.contents]
-        right = rrb.Vertical(*[view for view, _ in shown], row_shares=[share for _, share in shown])
+        )
         return rrb.Blueprint(
             rrb.Horizontal(left, right, column_shares=[1.0, 1.1]),
             rrb.TimePanel(state="collapsed", timeline=TIMELINE),
@@ -65,7 +63,7 @@ class Layout:
             for origin, name in (("/states", "Push"), ("/machine", "Base and commands"))
             if self._canvas.has(origin)
         ]
-        return rrb.Tabs(*views, active_tab=0)
+        return _tabs(views)
 
     def _close_up(self) -> rrb.Container:
         """What happens now: the object from near, the camera, the activation."""
@@ -130,7 +128,7 @@ class Layout:
             for origin, name in plots
             if self._canvas.has(origin)
         ]
-        return rrb.Tabs(*views, active_tab=0)
+        return _tabs(views)
 
     def _time(self, room: float) -> rrb.TimeAxis:
         """The whole session, and `room` of its length more."""
@@ -156,5 +154,15 @@ def _from_above(name: str, eye: rrb.EyeControls3D, origin: str = "/map") -> rrb.
     )
 
 
-def _beside(*tabs: rrb.Tabs) -> rrb.Horizontal:
-    return rrb.Horizontal(*[each for each in tabs if each.contents])
+def _tabs(views: list[rrb.View]) -> rrb.Tabs:
+    return rrb.Tabs(*views, active_tab=0) if views else rrb.Tabs()
+
+
+def _beside(*parts: rrb.Container) -> rrb.Horizontal:
+    return rrb.Horizontal(*[part for part in parts if part.contents])
+
+
+def _stack(*rows: tuple[rrb.Container, float]) -> rrb.Vertical:
+    """Return rows one above the other with their shares of the height, less the empty ones."""
+    shown = [(part, share) for part, share in rows if part.contents]
+    return rrb.Vertical(*[part for part, _ in shown], row_shares=[share for _, share in shown])

@@ -14,7 +14,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import rerun_cli  # type: ignore[import-untyped]
-from rerun.experimental import ViewerClient, ViewerState
+from rerun.experimental import ViewerClient
 
 from replays.inspect.canvas import TIMELINE
 from replays.inspect.errors import NoDisplay, NoVulkan, Unreadable, ViewError
@@ -25,6 +25,7 @@ GREETING = 2.5  # s: the viewer shows a note about itself at first
 SETTLE = 0.4  # s between two pictures that must be the same
 TRIES = 20
 _SIGNS_OF_NO_VULKAN = ("No graphics adapter", "Failed to get render context")
+_DRAWING = ("re_view_", "re_viewer_context")
 
 
 def save_picture(rrd: Path, out: Path, at: float | None, size: tuple[int, int]) -> None:
@@ -38,7 +39,7 @@ def save_picture(rrd: Path, out: Path, at: float | None, size: tuple[int, int]) 
         viewer.set_time(TIMELINE, duration=when, play_state="paused")
         time.sleep(GREETING)
         _paint(viewer, out)
-        _raise_reports(viewer.get_state())
+        _raise_reports(viewer)
 
 
 def open_window(rrd: Path, web: bool) -> None:
@@ -135,12 +136,18 @@ def _end(viewer: ViewerClient) -> float:
     return max((line.end or 0) / 1e9 for line in lines if line.name == TIMELINE)
 
 
-def _raise_reports(state: ViewerState) -> None:
+def _raise_reports(viewer: ViewerClient) -> None:
     """Raise ViewError with everything that the views could not show."""
     wrong = [
         f"{view.name}: {report.summary} {report.details or ''}".rstrip()
-        for view in state.views
+        for view in viewer.get_state().views
         for report in view.reports
+    ]
+    # What stops before it gets to a view, such as a mesh, is only in the viewer's log.
+    wrong += [
+        line.message
+        for line in viewer.get_logs()
+        if line.level in ("WARN", "ERROR") and line.target.startswith(_DRAWING)
     ]
     if wrong:
         raise ViewError("; ".join(wrong))

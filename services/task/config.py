@@ -12,6 +12,9 @@ class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     strategy: Annotated[str, Meta(description="of goals that name none")] = "strict"
     controller: Annotated[str, Meta(description="of goals that name none")] = "adaptive"
     precision: Annotated[float, Meta(gt=0, le=5, description="m, of goals that state none")] = 0.1
+    confirmations: Annotated[
+        int, Meta(ge=1, le=100, description="object states in a row within the precision that make a delivery")
+    ] = 3
     time_limit: Annotated[float, Meta(gt=0, le=36000, description="s, of goals that state none")] = 400.0
     violation_tolerance: Annotated[
         float,

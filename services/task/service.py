@@ -42,6 +42,7 @@ class TaskState:
         status: as published last.
         seen: when the object was last seen or predicted, ns.
         best: m along Q, the least distance to go that counted as progress; since: when, ns.
+        within: object states in a row that were within the precision.
     """
 
     goal: PushGoal = field(default_factory=PushGoal)
@@ -51,6 +52,7 @@ class TaskState:
     seen: Time = 0
     best: float = math.inf
     since: Time = 0
+    within: int = 0
 
 
 class TaskService(Service):
@@ -150,9 +152,11 @@ class TaskService(Service):
         if self.robot is None or self._geometry is None or status.phase != PushPhase.PUSHING:
             return
         self._measure(self._geometry, self.robot, object, now)
-        # Noise must not decide: delivered is what is within the precision by two standard deviations.
+        # Noise must not decide: within the precision is what is so by two standard deviations, several times.
         doubt = 2.0 * math.sqrt(max(object.covariance[0], object.covariance[3])) if object.covariance else 0.0
-        if status.distance_left + doubt <= goal.precision:
+        within = status.distance_left + doubt <= goal.precision
+        self.state.within = self.state.within + 1 if within else 0
+        if self.state.within >= self.config.confirmations:
             yield from self._end(PushOutcome.DELIVERED, FailureCause.CAUSE_NONE, "", now)
             return
         cause = self._failure(now)

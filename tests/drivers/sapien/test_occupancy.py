@@ -20,6 +20,7 @@ EMPTY = Scene(
     name="e", title="E", bounds=Bounds(min_x=-1.0, min_y=-0.5, max_x=1.0, max_y=1.0),
     robot=Place(x=0.0, y=0.0), object=Place(x=0.5, y=0.0), goal=Goal(x=0.5, y=0.5), default_object="can",
 )  # fmt: skip
+WIDE = msgspec.structs.replace(EMPTY, bounds=Bounds(min_x=-1.5, min_y=-1.5, max_x=1.5, max_y=1.5))
 
 
 def test_empty_room_is_free_inside_its_walls() -> None:
@@ -54,7 +55,7 @@ def test_every_point_of_a_box_is_in_an_occupied_cell_and_no_cell_is_far(
     x: float, y: float, yaw: float, length: float, width: float
 ) -> None:
     box = BoxObstacle(x=x, y=y, yaw=yaw, length=length, width=width)
-    grid = rasterise(msgspec.structs.replace(EMPTY, boxes=(box,)))
+    grid = rasterise(msgspec.structs.replace(WIDE, boxes=(box,)))
     inner = np.stack(np.meshgrid(np.linspace(-0.4999, 0.4999, 41), np.linspace(-0.4999, 0.4999, 41)), -1)
     own = inner.reshape(-1, 2) * [length, width]
     turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
@@ -69,7 +70,7 @@ def test_every_point_of_a_box_is_in_an_occupied_cell_and_no_cell_is_far(
 @settings(max_examples=40)
 @given(place, place, st.floats(0.01, 0.35))
 def test_disc_takes_exactly_the_cells_it_overlaps(x: float, y: float, radius: float) -> None:
-    grid = rasterise(msgspec.structs.replace(EMPTY, discs=(DiscObstacle(x=x, y=y, radius=radius),)))
+    grid = rasterise(msgspec.structs.replace(WIDE, discs=(DiscObstacle(x=x, y=y, radius=radius),)))
     angle = np.linspace(0, 2 * np.pi, 721)
     rim = np.array([x, y]) + 0.999 * radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     assert (touched(grid, rim) == 100).all()

@@ -61,9 +61,7 @@ def path(count: int = 120) -> Floats:
 def clearance(points: Floats) -> Floats:
     """(N) m to the closest occupied cell."""
     far = distance_transform_edt(grid() != 100) * CELL
-    return np.asarray(
-        np.minimum(far[(points[:, 1] / CELL).astype(int), (points[:, 0] / CELL).astype(int)], 0.75)
-    )
+    return np.asarray(np.minimum(far[(points[:, 1] / CELL).astype(int), (points[:, 0] / CELL).astype(int)], 0.75))
 
 
 def _polyline(points: Floats) -> geometry_pb2.Polyline:
@@ -295,10 +293,7 @@ def _at_10_hz(push: Push, time: float, far: Floats, cells: NDArray[np.uint8]) ->
         for reach in np.arange(0.02, 0.4, 0.02):
             px = x + (ROBOT / 2.0 + reach) * np.cos(theta + angle)
             py = y + (ROBOT / 2.0 + reach) * np.sin(theta + angle)
-            if (
-                cells[int(py / CELL), int(px / CELL)] == 100
-                or np.hypot(*(push.object(time) - (px, py))) < OBJECT / 2.0
-            ):
+            if cells[int(py / CELL), int(px / CELL)] == 100 or np.hypot(*(push.object(time) - (px, py))) < OBJECT / 2.0:
                 distance[index] = reach
                 break
     yield (
@@ -346,18 +341,14 @@ def write_session(
     with out.open("wb") as file:
         writer = Writer(file, chunk_size=64 * 1024)
         writer.start()
-        writer.add_metadata(
-            "header", {"run": "synthetic", "seed": "7", "commit": "0123abc", "robot": "robotino"}
-        )
+        writer.add_metadata("header", {"run": "synthetic", "seed": "7", "commit": "0123abc", "robot": "robotino"})
         writer.add_metadata("versions", {"numpy": np.__version__, "python": "3.11"})
         writer.add_attachment(0, 0, "config.toml", "text/plain", b"[controller]\nspeed = 0.2\n")
         for time, topic, message in sorted(rows(seconds, images), key=lambda row: row[0]):
             if topic in without:
                 continue
             if topic not in channels:
-                channels[topic] = writer.register_channel(
-                    topic, "protobuf", register_schema(writer, type(message))
-                )
+                channels[topic] = writer.register_channel(topic, "protobuf", register_schema(writer, type(message)))
             counts[topic] = counts.get(topic, 0) + 1
             writer.add_message(channels[topic], time, message.SerializeToString(), time, counts[topic])
         writer.finish()

@@ -69,7 +69,11 @@ def test_scans_lie_on_occupied_cells(rrd: Path) -> None:
     index = (points / CELL).astype(int).clip(0, SIDE - 1)
     # Rays end up to a step of 3 cm, and poses lie some millimetres off, beside the cell.
     near = np.max(
-        [cells[(index[:, 1] + dy).clip(0, SIDE - 1), (index[:, 0] + dx).clip(0, SIDE - 1)] == 100 for dx in (-1, 0, 1) for dy in (-1, 0, 1)],
+        [
+            cells[(index[:, 1] + dy).clip(0, SIDE - 1), (index[:, 0] + dx).clip(0, SIDE - 1)] == 100
+            for dx in (-1, 0, 1)
+            for dy in (-1, 0, 1)
+        ],
         axis=0,
     )
     assert near.mean() > 0.99
@@ -132,9 +136,12 @@ def test_a_cut_session_is_shown_up_to_the_cut(push: Path, tmp_path: Path) -> Non
     assert summary.rows["/map/robot"] == summary.messages["robot/pose"]
 
 
-def test_scans_without_returns_are_empty(push: Path, tmp_path: Path) -> None:
+def test_only_returns_of_a_scan_are_drawn(push: Path, rrd: Path) -> None:
     scans = read_session(push).track("scan", LaserScan).messages
-    assert any(np.isinf(value) for scan in scans for value in scan.ranges)
+    _, rows = column(rrd, "/map/scan", "Points3D:positions")
+    returns = [int(np.isfinite(scan.ranges).sum()) for scan in scans]
+    assert [len(row) for row in rows] == returns
+    assert min(returns) < len(scans[0].ranges)
 
 
 def test_rerun_is_imported_only_when_it_is_needed() -> None:

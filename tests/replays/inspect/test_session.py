@@ -29,7 +29,9 @@ def written(out: Path, rows: list[tuple[str, int, Message]]) -> Path:
 def test_every_message_is_read_with_its_time(push: Path) -> None:
     session = read_session(push)
     with push.open("rb") as file:
-        rows = [(channel.topic, record.log_time, record.data) for _, channel, record in make_reader(file).iter_messages()]
+        rows = [
+            (channel.topic, record.log_time, record.data) for _, channel, record in make_reader(file).iter_messages()
+        ]
     for topic in {topic for topic, _, _ in rows}:
         track = session.tracks[topic]
         expected = [(time, data) for name, time, data in rows if name == topic]

@@ -65,7 +65,11 @@ def test_without_a_debian_source_nothing_is_added(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("have", "expected"),
-    [("", "mesa-vulkan-drivers libvulkan1 libudev1"), ("22.3.6-1+deb12u1", "mesa-vulkan-drivers"), ("25.0.7-2~bpo12+1", "")],
+    [
+        ("", "mesa-vulkan-drivers libvulkan1 libudev1"),
+        ("22.3.6-1+deb12u1", "mesa-vulkan-drivers"),
+        ("25.0.7-2~bpo12+1", ""),
+    ],
 )
 def test_what_is_missing_is_named(have: str, expected: str) -> None:
     got = run(f'installed_version() {{ echo "{have}"; }}; missing')
@@ -73,7 +77,7 @@ def test_what_is_missing_is_named(have: str, expected: str) -> None:
 
 
 def test_elsewhere_it_says_so_in_one_line_and_succeeds() -> None:
-    got = run('missing() { echo libvulkan1; }; os() { [[ $1 == ID ]] && echo plan9; }; main')
+    got = run("missing() { echo libvulkan1; }; os() { echo plan9; }; main")
     assert got.returncode == 0
     assert got.stdout.count("\n") == 1
     assert "pictures will be missing" in got.stdout

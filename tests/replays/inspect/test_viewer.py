@@ -16,19 +16,24 @@ from replays.inspect.layout import Layout
 from replays.inspect.session import read_session
 from replays.inspect.show import show
 from runtime.messages import ObjectState, RobotPose
+from tests.replays.inspect.synthetic_session import write_session
 
 
 def middle(picture: NDArray[np.uint8], colour: palette.Colour) -> NDArray[np.float64]:
     """Mean place (x, y), px, of the largest patch of a colour in the map view, which is the left half."""
     left = picture[:800, : picture.shape[1] * 9 // 20]
     mask = (np.abs(left.astype(int) - np.array(colour[2::-1])).max(axis=2) < 12).astype(np.uint8)
+    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((7, 7), np.uint8))  # without the trail
     _, _, stats, centroids = cv2.connectedComponentsWithStats(mask)
     largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     return np.asarray(centroids[largest], np.float64)
 
 
 @pytest.mark.render
-def test_the_picture_shows_robot_and_object_where_they_are(push: Path, tmp_path: Path) -> None:
+def test_the_picture_shows_robot_and_object_where_they_are(tmp_path: Path) -> None:
+    push = tmp_path / "a.mcap"
+    # Nothing that is drawn over the two.
+    write_session(push, 8.0, frozenset({"command", "odometry", "push/target", "push/behaviour", "truth"}))
     to_rrd(push, tmp_path / "a.rrd")
     places = []
     for at in (3.0, 6.0):
@@ -77,12 +82,25 @@ def test_every_view_can_show_its_data(push: Path, tmp_path: Path, monkeypatch: p
 @pytest.mark.render
 def test_a_view_that_cannot_show_its_data_is_named(tmp_path: Path) -> None:
     recording = rr.RecordingStream("broken", recording_id="broken")
-    recording.save(tmp_path / "a.rrd", rrb.Blueprint(rrb.Spatial2DView(origin="/", name="Broken"), auto_views=False))
+    recording.save(tmp_path / "a.rrd", rrb.Blueprint(rrb.Spatial3DView(origin="/", name="Broken"), auto_views=False))
     recording.set_time("t", duration=1.0)
-    recording.log("image", rr.EncodedImage(contents=b"no picture", media_type="image/jpeg"))
+    form = rr.components.ImageFormat(width=4, height=4, color_model="RGBA", channel_datatype="U8")
+    recording.log("map", rr.GridMap(data=b"short", format=form, cell_size=1.0))
     recording.flush()
     recording.disconnect()
-    with pytest.raises(ViewError, match="Broken"):
+    with pytest.raises(ViewError, match="Broken: Invalid data length"):
+        screenshot(tmp_path / "a.rrd", tmp_path / "a.png", size=(640, 480))
+
+
+@pytest.mark.render
+def test_what_fails_before_it_gets_to_a_view_is_said(tmp_path: Path) -> None:
+    recording = rr.RecordingStream("broken", recording_id="broken")
+    recording.save(tmp_path / "a.rrd", rrb.Blueprint(rrb.Spatial3DView(origin="/"), auto_views=False))
+    recording.set_time("t", duration=1.0)
+    recording.log("mesh", rr.Mesh3D(vertex_positions=np.eye(3), triangle_indices=[[0, 1, 9]]))
+    recording.flush()
+    recording.disconnect()
+    with pytest.raises(ViewError, match="mesh"):
         screenshot(tmp_path / "a.rrd", tmp_path / "a.png", size=(640, 480))
 
 
