@@ -4,9 +4,18 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup lock messages demo test test-all lint bench goldens pictures clean
+# The default.
+all: setup
 
-setup: $(STAMP)
+# numba's caches do not notice a change in a callee in another file: drop them all when any source has changed.
+KERNELS := $(VENV)/.kernels
+$(KERNELS): $(STAMP) $(shell find services drivers -name '*.py')
+	find services drivers -name '*.nb[ic]' -delete
+	touch $(KERNELS)
+
+.PHONY: all setup lock messages demo test test-all lint bench goldens pictures clean
+
+setup: $(STAMP) $(KERNELS)
 
 $(STAMP): requirements.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

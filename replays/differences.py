@@ -68,7 +68,7 @@ def differences(recorded: Message, replayed: Message, prefix: str = "") -> Itera
             yield from _value(descriptor, a, b, path)
 
 
-def _value(descriptor: FieldDescriptor, a: Any, b: Any, path: str) -> Iterator[tuple[str, float]]:
+def _value(descriptor: Any, a: Any, b: Any, path: str) -> Iterator[tuple[str, float]]:
     if descriptor.type == FieldDescriptor.TYPE_MESSAGE and a is not None and b is not None:
         yield from differences(a, b, f"{path}.")
     elif a != b:

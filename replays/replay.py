@@ -315,24 +315,25 @@ class _Execution:
         reply_topic = topics.reply(self.name).name
         given = [sample for sample in samples if sample.topic != reply_topic]
         replies = [sample for sample in samples if sample.topic == reply_topic]
-        wanted = [entry for entry in outputs if entry.kind == EntryKind.PRODUCED]
-        # By name, not by place: one message too many must not make all that follow look different.
-        by_name = {(entry.name, entry.sequence): entry for entry in wanted}
+        # The n-th message of a topic within an event belongs to the n-th recorded one: a message too many or too
+        # few, which shifts all later sequence numbers, must not make everything after it look different.
+        waiting: dict[str, list[Entry]] = {}
+        for entry in outputs:
+            if entry.kind == EntryKind.PRODUCED:
+                waiting.setdefault(entry.name, []).append(entry)
         for sample in given:
-            entry = by_name.pop((sample.topic, sample.sequence), None)
             result = self.result.topics.setdefault(sample.topic, TopicResult())
             result.replayed += 1
-            if entry is None:
-                result.extra += 1
-                self._diverge(result, event, f"replay gave '{sample.topic}' {sample.sequence}, recorded none", sample)
+            if waiting.get(sample.topic):
+                self._compare_message(event, waiting[sample.topic].pop(0), sample, result)
                 continue
-            self._compare_message(event, entry, sample, result)
-        for entry in by_name.values():
+            result.extra += 1
+            self._diverge(result, event, f"replay gave a '{sample.topic}' that was not recorded", sample)
+        for entry in (entry for rest in waiting.values() for entry in rest):
             result = self.result.topics.setdefault(entry.name, TopicResult())
             result.recorded += 1
             result.missing += 1
-            text = f"replay gave no '{entry.name}' {entry.sequence}"
-            self._diverge(result, event, text, None, entry)
+            self._diverge(result, event, f"replay gave no '{entry.name}' {entry.sequence}", None, entry)
         for entry in (entry for entry in outputs if entry.kind == EntryKind.REPLIED):
             recorded = self.recording.replies.get((self.name, entry.sequence))
             if recorded is None:

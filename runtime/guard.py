@@ -152,16 +152,20 @@ class Guard:
         yield (environment, "__getitem__"), self._blocked("os", "environ", environment.__getitem__)
         yield (np.random, "default_rng"), self._seeded("numpy.random.default_rng", np.random.default_rng)
         yield (random, "Random"), _guarded_random(self)
-        yield (datetime, "datetime"), _guarded_datetime(self)
-        yield (datetime, "date"), _guarded_date(self)
 
     def _replace(self, owner: Any, name: str, replacement: object) -> None:
         self._replaced.append((owner, name, getattr(owner, name)))
         setattr(owner, name, replacement)
 
     def _replace_imported(self) -> None:
-        """Replace what guarded modules hold by `from time import time` and the like."""
+        """Replace what guarded modules hold by `from time import time` and the like.
+
+        datetime's classes are replaced only here: other libraries compare them by identity.
+        """
         now = {id(original): getattr(owner, name) for owner, name, original in self._replaced}
+        moments = _guarded_datetime(self), _guarded_date(self)
+        now |= {id(datetime.datetime): moments[0], id(datetime.date): moments[1]}
+        now[id(datetime)] = _like_datetime(*moments)
         for module in [m for m in sys.modules.values() if isinstance(m, ModuleType)]:
             if module.__name__.split(".")[0] not in _GUARDED_PACKAGES and not hasattr(module, "__guarded__"):
                 continue
@@ -208,39 +212,40 @@ _datetime = datetime.datetime
 _date = datetime.date
 
 
-class _Alike(type):
-    """Makes `isinstance` of a guarded class accept what the original class made."""
-
-    def __instancecheck__(cls, value: object) -> bool:
-        return isinstance(value, cls.__mro__[1])
+def _like_datetime(moment: type, day: type) -> ModuleType:
+    """Return a module like datetime with these classes in it."""
+    module = ModuleType("datetime")
+    vars(module).update({k: v for k, v in vars(datetime).items() if not k.startswith("__")})
+    module.datetime, module.date = moment, day  # type: ignore[attr-defined]
+    return module
 
 
 def _guarded_datetime(guard: Guard) -> type[datetime.datetime]:
-    class Datetime(_datetime, metaclass=_Alike):
+    class Datetime(_datetime):
         @classmethod
-        def now(cls, tz: datetime.tzinfo | None = None) -> datetime.datetime:  # type: ignore[override]
+        def now(cls, tz: datetime.tzinfo | None = None) -> Datetime:
             guard.refuse("datetime.now")
-            return _datetime.now(tz)
+            return super().now(tz)
 
         @classmethod
-        def utcnow(cls) -> datetime.datetime:  # type: ignore[override]
+        def utcnow(cls) -> Datetime:
             guard.refuse("datetime.utcnow")
-            return _datetime.now(datetime.UTC).replace(tzinfo=None)
+            return super().now(datetime.UTC).replace(tzinfo=None)
 
         @classmethod
-        def today(cls) -> datetime.datetime:  # type: ignore[override]
+        def today(cls) -> Datetime:
             guard.refuse("datetime.today")
-            return _datetime.now()
+            return super().now()
 
     return Datetime
 
 
 def _guarded_date(guard: Guard) -> type[datetime.date]:
-    class Date(_date, metaclass=_Alike):
+    class Date(_date):
         @classmethod
-        def today(cls) -> datetime.date:  # type: ignore[override]
+        def today(cls) -> Date:
             guard.refuse("date.today")
-            return _date.today()
+            return super().today()
 
     return Date
 

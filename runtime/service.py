@@ -202,10 +202,14 @@ def _read_contract(cls: type[Service]) -> Contract:
     names |= {id(value): value.name for value in requests}
     names |= {id(value): name for name, value in timers.items()}
     handlers: dict[str, str] = {}
-    for method, value in members.items():
-        source = getattr(value, "__source__", None)
-        if source is None:
-            continue
+    # A method that overrides a handler handles the same source.
+    sources = {
+        method: value.__source__  # type: ignore[attr-defined]
+        for base in reversed(cls.__mro__)
+        for method, value in vars(base).items()
+        if hasattr(value, "__source__")
+    }
+    for method, source in sources.items():
         if id(source) not in names:
             raise BadService(f"{cls.__name__}.{method} handles something that {cls.__name__} does not declare")
         if names[id(source)] in handlers:

@@ -8,7 +8,7 @@ cannot make the reader run anything.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar, get_origin
+from typing import Any, TypeVar, get_origin
 
 import msgspec
 import numpy as np
@@ -64,14 +64,14 @@ def _decode_special(kind: type, value: object) -> object:
     return decoder(origin, value)
 
 
-def _decode_array(_: type, value: object) -> object:
-    dtype, shape, data = value  # type: ignore[misc]
+def _decode_array(_: type, value: Any) -> object:
+    dtype, shape, data = value
     return np.frombuffer(data, dtype).reshape(shape).copy()
 
 
-def _decode_message(kind: type, value: object) -> object:
+def _decode_message(kind: type, value: Any) -> object:
     message: Message = kind()
-    message.ParseFromString(value)  # type: ignore[arg-type]
+    message.ParseFromString(value)
     return message
 
 
@@ -83,8 +83,8 @@ def _generator_words(generator: np.random.Generator) -> list[bytes]:
     return [int(number).to_bytes(16, "little") for number in numbers]
 
 
-def _decode_generator(_: type, value: object) -> object:
-    words = [int.from_bytes(word, "little") for word in value]  # type: ignore[attr-defined]
+def _decode_generator(_: type, value: Any) -> object:
+    words = [int.from_bytes(word, "little") for word in value]
     if len(words) != _GENERATOR_WORDS:
         raise ValueError(f"a generator has {_GENERATOR_WORDS} words, not {len(words)}")
     bits = np.random.PCG64(0)
@@ -97,7 +97,7 @@ def _decode_generator(_: type, value: object) -> object:
     return np.random.Generator(bits)
 
 
-_DECODERS: dict[type, Callable[[type, object], object]] = {
+_DECODERS: dict[type, Callable[[type, Any], object]] = {
     np.ndarray: _decode_array,
     Message: _decode_message,
     np.random.Generator: _decode_generator,

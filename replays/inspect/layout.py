@@ -155,7 +155,7 @@ def _from_above(name: str, eye: rrb.EyeControls3D, origin: str = "/map") -> rrb.
 
 
 def _tabs(views: list[rrb.View]) -> rrb.Tabs:
-    return rrb.Tabs(*views, active_tab=0) if views else rrb.Tabs()
+    return rrb.Tabs(*views, active_tab=0)
 
 
 def _beside(*parts: rrb.Container) -> rrb.Horizontal:

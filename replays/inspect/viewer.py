@@ -21,7 +21,7 @@ from replays.inspect.errors import NoDisplay, NoVulkan, Unreadable, ViewError
 
 START = 30.0  # s for the viewer to answer; a software Vulkan compiles its shaders first
 LOAD = 60.0  # s for a recording to be loaded
-GREETING = 2.5  # s: the viewer shows a note about itself at first
+GREETING = 2.2  # s after its start: the viewer shows a note about itself at first
 SETTLE = 0.4  # s between two pictures that must be the same
 TRIES = 20
 _SIGNS_OF_NO_VULKAN = ("No graphics adapter", "Failed to get render context")
@@ -33,11 +33,12 @@ def save_picture(rrd: Path, out: Path, at: float | None, size: tuple[int, int]) 
     if not rrd.is_file():
         raise Unreadable(f"{rrd}: no such file; expected a Rerun recording")
     with _headless(size) as viewer:
+        greeted = time.monotonic() + GREETING
         viewer.open(str(rrd.resolve()))
         _wait_loaded(viewer, rrd)
         when = timedelta(seconds=_end(viewer) if at is None else at)
         viewer.set_time(TIMELINE, duration=when, play_state="paused")
-        time.sleep(GREETING)
+        time.sleep(max(greeted - time.monotonic(), SETTLE))
         _paint(viewer, out)
         _raise_reports(viewer)
 

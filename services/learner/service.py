@@ -59,7 +59,9 @@ class LearnerService(Service):
         state, config = self.state, self.config
         r = np.array((self.robot.pose.x, self.robot.pose.y))
         o, t = vector(target.object), vector(target.target)
-        if np.array_equal(o, t) or np.array_equal(o, r):
+        known = state.movement.times
+        late = len(known) > 0 and seconds(target.stamp) <= known[-1]
+        if late or np.array_equal(o, t) or np.array_equal(o, r):
             return
         reading = observe(
             state.movement,

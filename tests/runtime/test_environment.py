@@ -41,7 +41,7 @@ def test_cv2_imports_without_a_display() -> None:
 HELP = """
 import sys
 from runtime.cli import main
-sys.argv = ["pushlane", *ARGUMENTS]
+sys.argv = ["pushlane", ARGUMENTS]
 try:
     main.main()
 except SystemExit as end:

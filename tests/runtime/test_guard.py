@@ -156,6 +156,9 @@ def test_seeded_generators_and_plain_dates_are_allowed(guard: Guard) -> None:
         assert isinstance(day + datetime.timedelta(days=1), datetime.datetime)
         assert isinstance(day, datetime.date)
         assert datetime.date(2024, 2, 29) < datetime.date(2024, 3, 1)
+
+
+def test_classes_keep_their_order_under_guard(guard: Guard) -> None:
     assert issubclass(datetime.datetime, datetime.date)
 
 

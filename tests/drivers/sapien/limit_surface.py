@@ -7,6 +7,7 @@ f = mu N D'(d), torque = mu N (D(d) - d D'(d)).
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import cos, hypot, log, pi, sin, sqrt
 
 import numpy as np
@@ -31,8 +32,8 @@ def box_distance(length: float, width: float, d: float, direction: float) -> flo
     total = 0.0
     xs = sorted({-length / 2, min(max(px, -length / 2), length / 2), length / 2})
     ys = sorted({-width / 2, min(max(py, -width / 2), width / 2), width / 2})
-    for x0, x1 in zip(xs, xs[1:]):
-        for y0, y1 in zip(ys, ys[1:]):
+    for x0, x1 in pairwise(xs):
+        for y0, y1 in pairwise(ys):
             total += dblquad(lambda y, x: hypot(x - px, y - py), x0, x1, y0, y1, epsabs=1e-9, epsrel=1e-8)[0]
     return total / (length * width)
 

@@ -7,6 +7,7 @@ import pytest
 from drivers.sapien import objects
 from drivers.sapien.friction import GRAVITY
 from drivers.sapien.objects import ObjectBody, ObjectError, UnknownObject
+from drivers.sapien.shapes import bounding_circle
 
 EXPERIMENT_1 = {  # Fig. 7b
     "orange-cylinder": 0.14,
@@ -80,8 +81,6 @@ def test_ball_rolls() -> None:
 
 @pytest.mark.parametrize("name", objects.names())
 def test_the_bounding_circle_is_about_the_origin(name: str) -> None:
-    from drivers.sapien.shapes import bounding_circle
-
     body = drawn(name)
     assert bounding_circle(body.parts) == pytest.approx((0.0, 0.0, body.diameter / 2), abs=1e-9)
 
@@ -101,6 +100,10 @@ parts = [{ shape = "disc", radius = 0.1 }]
 mass = [1.0, 2.0]
 friction = [0.3, 0.5]
 """
+
+
+def load_and_draw(text: str) -> ObjectBody:
+    return objects.draw(objects.load(text, "x.toml")["a"], np.random.default_rng(0))
 
 
 def test_good_file_loads() -> None:
@@ -123,8 +126,7 @@ def test_good_file_loads() -> None:
 def test_bad_file_is_refused_with_file_and_key(before: str, after: str, message: str) -> None:
     text = GOOD.replace(before, after)
     with pytest.raises(ObjectError, match=message):
-        model = objects.load(text, "x.toml")["a"]
-        objects.draw(model, np.random.default_rng(0))
+        load_and_draw(text)
 
 
 def test_ball_of_two_discs_is_refused() -> None:

@@ -273,8 +273,9 @@ def _at_25_hz(push: Push, time: float, n: Floats) -> Iterator[Row]:
     )  # fmt: skip
     mu = 0.25 * float(np.sin(4.0 * learned))
     yield ns(time) + 4_000_000, "push/behaviour", push_pb2.PushBehaviour(
-        stamp=ns(time), alpha=alpha, gamma=-0.4 * alpha + 0.06 * n[1], mean_gamma=0.05 * float(np.sin(0.2 * time)), mu=mu,
-        kappa=KAPPA_0 + (KAPPA_1 - KAPPA_0) * learned, alpha_p=mu, sample_count=int(10 * time), reading_count=int(20 * time),
+        stamp=ns(time), alpha=alpha, gamma=-0.4 * alpha + 0.06 * n[1], mean_gamma=0.05 * float(np.sin(0.2 * time)),
+        mu=mu, kappa=KAPPA_0 + (KAPPA_1 - KAPPA_0) * learned, alpha_p=mu,
+        sample_count=int(10 * time), reading_count=int(20 * time),
         moving=learned > 0.1 and n[0] > -0.5,
     )  # fmt: skip
     psi = float(np.exp((KAPPA_0 + (KAPPA_1 - KAPPA_0) * learned) * (np.cos(alpha - mu) - 1.0)))

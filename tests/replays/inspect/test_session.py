@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,7 @@ from google.protobuf.message import Message
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
 
 from replays.inspect.errors import Unreadable
@@ -62,6 +63,22 @@ def test_a_changed_byte_ends_the_reading_and_is_said(push: Path, tmp_path: Path)
     session = read_session(bad)
     assert session.damage != ""
     assert session.tracks
+
+
+def test_a_changed_number_is_not_shown(tmp_path: Path) -> None:
+    out = tmp_path / "a.mcap"
+    with out.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start()
+        channel = writer.register_channel("odometry", "protobuf", register_schema(writer, Odometry))
+        writer.add_message(channel, 0, Odometry(covariance=[1234.5]).SerializeToString(), 0)
+        writer.finish()
+    data = out.read_bytes()
+    number = struct.pack("<d", 1234.5)
+    assert data.count(number) == 1
+    out.write_bytes(data.replace(number, struct.pack("<d", 1234.75)))
+    with pytest.raises(Unreadable, match="crc"):
+        read_session(out)
 
 
 def test_messages_are_sorted_by_time(tmp_path: Path) -> None:

@@ -62,9 +62,7 @@ def test_relocation_goes_the_way_that_brings_alpha_to_alpha_p() -> None:
 
 
 @given(angle, angle, st.floats(-1, 1), st.floats(-1, 1))
-def test_command_is_8_written_with_complex_numbers(
-    heading: float, alpha: float, gamma: float, mean: float
-) -> None:
+def test_command_is_8_written_with_complex_numbers(heading: float, alpha: float, gamma: float, mean: float) -> None:
     push, relocate = activations(alpha, 0.2, 3.0)
     o = 0.5 * np.array((math.cos(heading), math.sin(heading)))
     u = push_law.command(ORIGIN, o, alpha, Behaviour(0.2, push, relocate, gamma, mean), Gains(0.3, 0.07, 0.25))
@@ -158,4 +156,5 @@ def test_barrier_keeps_a_robot_inside_that_drives_at_the_edge() -> None:
 def test_barrier_lets_a_robot_through_where_there_is_less_than_the_margin() -> None:
     field = Field.build(PATH, np.full(121, 0.03))
     r, u = np.array((2.0, 0.012)), np.array((0.3, 0.0))
-    assert guard(field, r, u, 2.0, 0.05, room=0.03)[0] == pytest.approx((0.3, 0.0), abs=1e-6)
+    assert guard(field, r, u, 2.0, 0.05, room=0.03)[0] == pytest.approx((0.3, 0.0), abs=1e-2)
+    assert guard(field, r, u, 2.0, 0.05)[0] == pytest.approx((0.3, -0.064), abs=1e-2)

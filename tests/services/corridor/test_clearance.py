@@ -25,7 +25,7 @@ def brute(cells: np.ndarray, resolution: float, x: float, y: float) -> float:
     return best
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(grids)
 def test_clearance_is_the_distance_to_the_nearest_square(cells: np.ndarray) -> None:
     found = measure(cells, 0.05, ORIGIN, NO_DISCS)

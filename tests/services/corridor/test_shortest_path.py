@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -33,7 +35,8 @@ def graph(xs, ys, cs, nx, need, comfort, weight):
     i, j = k % nx, k // nx
     price = 1 + weight * np.maximum(0, (comfort - cs) / (comfort - need)) ** 2
     rows, columns, costs = [], [], []
-    moves = [(a, b) for a in range(-2, 3) for b in range(-2, 3) if (abs(a), abs(b)) not in ((0, 0), (2, 2), (0, 2), (2, 0))]
+    reach = range(-2, 3)
+    moves = [(a, b) for a in reach for b in reach if sorted((abs(a), abs(b))) in ([0, 1], [1, 1], [1, 2])]
     for a, b in moves:
         ok = (i + a >= 0) & (i + a < nx) & (j + b >= 0) & (j + b < ny) & (cs >= 0)
         u = k[ok]
@@ -104,7 +107,7 @@ def test_paths_are_exact_at_their_ends_dense_and_clear(seed: int, ends: tuple[fl
     assert steps.max() <= 0.05 + 1e-9
     assert steps.min() > 0
     t = np.linspace(0, 1, 6)[:, None]
-    dense = np.vstack([a + t * (b - a) for a, b in zip(path[:-1], path[1:], strict=True)])
+    dense = np.vstack([a + t * (b - a) for a, b in pairwise(path)])
     assert clearance.along(dense).min() >= 0.15 - 0.008
 
 
@@ -115,6 +118,19 @@ def test_in_an_empty_hall_the_path_is_straight() -> None:
     unit = (goal - start) / np.hypot(*(goal - start))
     off = np.abs((path - start) @ np.array((-unit[1], unit[0])))
     assert off.max() < 1e-6
+
+
+def test_without_a_penalty_the_path_is_a_taut_string() -> None:
+    # Round a single cell: two tangents to circles of radius 0.23 about its upper (or lower) corners.
+    cells = np.zeros((41, 81), np.uint8)
+    cells[20, 40] = 100
+    start, goal = np.array((0.525, 1.025)), np.array((3.525, 1.025))
+    path = find(clearance_of(cells), start, goal, Room(0.23, 0.8, 0.0))
+    to_corner = np.hypot(1.475, 0.025)
+    tangent = np.sqrt(to_corner**2 - 0.23**2)
+    arc = 0.23 * (np.arcsin(0.23 / to_corner) + np.arctan2(0.025, 1.475))
+    taut = 2 * (tangent + arc) + 0.05
+    assert np.hypot(*np.diff(path, axis=0).T).sum() == pytest.approx(taut, abs=0.012)
 
 
 def test_through_a_passage_the_path_keeps_to_its_middle() -> None:

@@ -52,7 +52,8 @@ def test_a_disagreement_is_more_than_the_threshold(wall: float, nearer: bool, fa
 
 
 def test_nothing_in_sight_is_no_disagreement() -> None:
-    assert not any((lambda d: (d.nearer, d.farther))(disagrees(FIELD, D_R, np.zeros(2), np.zeros((0, 2)))))
+    found = disagrees(FIELD, D_R, np.zeros(2), np.zeros((0, 2)))
+    assert (found.nearer, found.farther, found.difference) == (False, False, 0.0)
 
 
 def test_hits_on_the_object_and_the_robot_are_taken_out() -> None:

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -23,7 +25,7 @@ def test_closest_is_as_near_as_dense_sampling_finds(path: np.ndarray, point: tup
     p = np.array(point)
     found = closest(path, p)
     t = np.linspace(0, 1, 200)[:, None]
-    dense = np.vstack([a + t * (b - a) for a, b in zip(path[:-1], path[1:], strict=True)])
+    dense = np.vstack([a + t * (b - a) for a, b in pairwise(path)])
     least = np.hypot(*(dense - p).T).min()
     longest = np.hypot(*np.diff(path, axis=0).T).max()
     assert found.distance <= least + 1e-9

@@ -1,4 +1,5 @@
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -93,7 +94,7 @@ def test_the_mean_is_over_all_readings() -> None:
 
 def test_decreasing_accepts_what_is_less_than_before() -> None:
     _, readings = drive(list(np.random.default_rng(1).normal(0, 0.8, 80)))
-    for before, now in zip(readings[:-1], readings[1:], strict=True):
+    for before, now in pairwise(readings):
         expected = before.moving and now.moving and abs(now.gamma) < abs(before.gamma)
         assert now.good == expected
 
@@ -112,7 +113,7 @@ def test_a_pause_ends_a_run_of_readings() -> None:
         last = observe(state, 1.0 + 0.05 * k, still, 0.0)
     assert not last.moving
     assert last.gamma == pytest.approx(-0.2)
-    again = observe(state, 2.5, still + (0.1, 0.0), 0.0)
+    again = observe(state, 2.5, still + np.array((0.1, 0.0)), 0.0)
     assert again.moving
     assert not again.good
 
