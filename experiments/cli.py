@@ -11,7 +11,6 @@ import typer
 
 from runtime.cli.options import Assignments, ConfigFile, layers
 
-
 experiment = typer.Typer(no_args_is_help=True, help="Run many pushes and print figures with their intervals.")
 
 

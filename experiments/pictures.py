@@ -26,6 +26,7 @@ SEED = 1
 _ROBOT, _OBJECT, _GOAL, _ROOM = "#2f6db3", "#e08a1e", "#2c9a4b", "#dff0e4"
 _WALL = "#5c5c5c"
 _DPI = 80
+_OVERVIEW_DPI = 70
 
 
 def draw_scene(axes: Axes, one: Scene, labels: bool = True) -> None:
@@ -88,6 +89,9 @@ def draw_object(axes: Axes, name: str, labels: bool = True) -> None:
     axes.set_ylim(-reach, reach)
     axes.set_aspect("equal")
     axes.tick_params(labelsize=7)
+    if not labels:
+        axes.set_xticks([-0.2, 0.0, 0.2])
+        axes.set_yticks([-0.2, 0.0, 0.2])
     axes.set_title(model.title if labels else name, fontsize=9)
     if labels:
         grip = f"wheels {model.along} along, {model.across} across" if body.wheels else f"friction {model.friction}"
@@ -129,7 +133,7 @@ def _overview(
         draw(axes, one)
     for axes in figure.axes[len(shown) :]:
         axes.set_axis_off()
-    figure.savefig(FOLDER / f"{name}.png", dpi=_DPI)
+    figure.savefig(FOLDER / f"{name}.png", dpi=_OVERVIEW_DPI)
 
 
 def main() -> None:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
+from operator import attrgetter
+from typing import Any
 
-from google.protobuf.descriptor import Descriptor, FieldDescriptor
+from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 
 _FLOATS = (FieldDescriptor.TYPE_DOUBLE, FieldDescriptor.TYPE_FLOAT)
@@ -13,43 +17,85 @@ _FLOATS = (FieldDescriptor.TYPE_DOUBLE, FieldDescriptor.TYPE_FLOAT)
 
 def nonfinite(message: Message) -> str | None:
     """Return the path of the first float field of `message` that is NaN or infinite, or None."""
-    for name, repeated, inner in _fields(message.DESCRIPTOR):
-        if inner:
-            found = _nonfinite_inner(message, name, repeated)
-            if found is not None:
-                return found
-        elif repeated:
-            values = getattr(message, name)
-            # One sum tells at C speed that all are finite; only a suspicious one is looked through.
-            if not math.isfinite(sum(values)):
-                for index, value in enumerate(values):
-                    if not math.isfinite(value):
-                        return f"{name}[{index}]"
-        elif not math.isfinite(getattr(message, name)):
-            return name
-    return None
+    if _surely_finite(message):
+        return None
+    return _search(message)
 
 
-def _nonfinite_inner(message: Message, name: str, repeated: bool) -> str | None:
-    if not repeated:
-        if not message.HasField(name):
-            return None
-        found = nonfinite(getattr(message, name))
-        return None if found is None else f"{name}.{found}"
-    for index, inner in enumerate(getattr(message, name)):
-        found = nonfinite(inner)
-        if found is not None:
-            return f"{name}[{index}].{found}"
-    return None
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """How to reach every float of a message type with few Python steps; an unset inner message reads as zeros."""
+
+    scalars: Callable[[Any], tuple[float, ...]]
+    arrays: Callable[[Any], tuple[Any, ...]]
+    messages: Callable[[Any], tuple[Any, ...]]
+
+
+def _surely_finite(message: Message) -> bool:
+    """Return whether a sum of all floats is finite. Finite floats may overflow it: False proves nothing."""
+    plan = _plan(message.DESCRIPTOR)
+    total = sum(plan.scalars(message))
+    for array in plan.arrays(message):
+        total += sum(array)
+    if not math.isfinite(total):
+        return False
+    return all(_surely_finite(one) for many in plan.messages(message) for one in many)
 
 
 @cache
-def _fields(kind: Descriptor) -> tuple[tuple[str, bool, bool], ...]:
-    """Return (name, repeated, is a message) of each field that can hold a float."""
-    rows = []
-    for field in kind.fields:
+def _plan(kind: Any) -> _Plan:
+    scalars: list[str] = []
+    arrays: list[str] = []
+    messages: list[str] = []
+
+    def visit(kind: Any, prefix: str) -> None:
+        for field in kind.fields:
+            path = prefix + field.name
+            if field.type in _FLOATS:
+                (arrays if field.is_repeated else scalars).append(path)
+            elif field.type == FieldDescriptor.TYPE_MESSAGE and _holds_floats(field.message_type):
+                if field.is_repeated:
+                    messages.append(path)
+                else:
+                    visit(field.message_type, f"{path}.")
+
+    visit(kind, "")
+    return _Plan(_getter(scalars), _getter(arrays), _getter(messages))
+
+
+def _getter(paths: list[str]) -> Callable[[Any], tuple[Any, ...]]:
+    """Return what gives the values at `paths`, always as a tuple."""
+    if not paths:
+        return lambda _: ()
+    if len(paths) == 1:
+        get = attrgetter(paths[0])
+        return lambda message: (get(message),)
+    return attrgetter(*paths)
+
+
+@cache
+def _holds_floats(kind: Any) -> bool:
+    return any(
+        field.type in _FLOATS or (field.type == FieldDescriptor.TYPE_MESSAGE and _holds_floats(field.message_type))
+        for field in kind.fields
+    )
+
+
+def _search(message: Message, prefix: str = "") -> str | None:
+    """Return the path of the first number that is not finite, field by field."""
+    for field in message.DESCRIPTOR.fields:
+        value = getattr(message, field.name)
+        path = f"{prefix}{field.name}"
         if field.type in _FLOATS:
-            rows.append((field.name, field.is_repeated, False))
-        elif field.type == FieldDescriptor.TYPE_MESSAGE and _fields(field.message_type):
-            rows.append((field.name, field.is_repeated, True))
-    return tuple(rows)
+            values = enumerate(value) if field.is_repeated else [(None, value)]
+            for index, number in values:
+                if not math.isfinite(number):
+                    return path if index is None else f"{path}[{index}]"
+        elif field.type == FieldDescriptor.TYPE_MESSAGE and _holds_floats(field.message_type):
+            if field.is_repeated:
+                found = next((f for i, one in enumerate(value) if (f := _search(one, f"{path}[{i}]."))), None)
+            else:
+                found = _search(value, f"{path}.") if message.HasField(field.name) else None
+            if found is not None:
+                return found
+    return None

@@ -23,6 +23,15 @@ from runtime.time import Time, nanoseconds
 
 _Out = tuple[str, bytes]  # topic, payload
 
+# Looked up once: protobuf's enum wrappers find their values by a Python call.
+_STARTED, _MESSAGE, _TIMER = EntryKind.STARTED, EntryKind.MESSAGE, EntryKind.TIMER
+_REQUEST, _PRODUCED, _REPLIED, _SNAPSHOT = (
+    EntryKind.REQUEST,
+    EntryKind.PRODUCED,
+    EntryKind.REPLIED,
+    EntryKind.SNAPSHOT,
+)
+
 
 class BadMessage(PushlaneError):
     """A payload does not parse, or holds a number that is not finite."""
@@ -81,6 +90,7 @@ class Node:
         self._handlers: dict[str, Callable[..., Any]] = {
             source: getattr(service, method) for source, method in self.contract.handlers.items()
         }
+        self._log = topics.log(self.name).name
         self._kinds = {name: source.topic.message for name, source in self.contract.inputs.items()}
         self._periods = {
             name: nanoseconds(timer.seconds(service.config)) for name, timer in self.contract.timers.items()
@@ -92,7 +102,7 @@ class Node:
     def begin(self, now: Time) -> list[Sample]:
         """Start the service's life at `now`. Returns its first snapshot."""
         self.host.start = now
-        self.journal.add(EntryKind.STARTED, "", 0, now)
+        self.journal.add(_STARTED, "", 0, now)
         return [self.take_snapshot(now)]
 
     def resume(self, snapshot: Snapshot) -> None:
@@ -126,7 +136,7 @@ class Node:
             BadHandler: the service broke its contract.
         """
         message = _parse(self._kinds[sample.topic], sample.payload, sample.topic)
-        self.journal.add(EntryKind.MESSAGE, sample.topic, sample.sequence, now, sample.payload)
+        self.journal.add(_MESSAGE, sample.topic, sample.sequence, now, sample.payload)
         self.host.consumed[sample.topic] = sample.sequence
         self.host.latest[sample.topic] = sample.payload
         self.service.latest[sample.topic] = message
@@ -138,7 +148,7 @@ class Node:
     def fire(self, timer: str, number: int, now: Time, finish: Time) -> list[Sample]:
         """Give the service firing `number` of `timer` at `now`. Firings that came too late may be left out."""
         self.host.fired[timer] = number
-        self.journal.add(EntryKind.TIMER, timer, number, now)
+        self.journal.add(_TIMER, timer, number, now)
         return self._publish(self._run(timer, self._handlers[timer], now)[0], finish)
 
     def ask(self, request: Request, now: Time, finish: Time) -> list[Sample]:
@@ -149,7 +159,7 @@ class Node:
         """
         source = self.contract.requests[request.name]
         message = _parse(source.message, request.payload, request.name)
-        self.journal.add(EntryKind.REQUEST, request.name, request.id, now, request.payload)
+        self.journal.add(_REQUEST, request.name, request.id, now, request.payload)
         outs, answers = self._run(request.name, self._handlers[request.name], message, now)
         if len(answers) != 1:
             raise BadHandler(f"service '{self.name}' gave {len(answers)} answers to '{request.name}', not one")
@@ -157,7 +167,7 @@ class Node:
         samples = self._publish(outs, finish)
         reply = Reply(id=request.id, name=request.name, accepted=answer.accepted, reason=answer.reason)
         payload = reply.SerializeToString(deterministic=True)
-        self.journal.add(EntryKind.REPLIED, request.name, request.id, finish, payload)
+        self.journal.add(_REPLIED, request.name, request.id, finish, payload)
         return [*samples, Sample(topics.reply(self.name).name, self._number("reply"), finish, payload)]
 
     def take_snapshot(self, now: Time) -> Sample:
@@ -172,7 +182,7 @@ class Node:
             service=service,
             host=state.encode(self.host),
         )
-        self.journal.add(EntryKind.SNAPSHOT, "", snapshot.number, now, snapshot.service + snapshot.host)
+        self.journal.add(_SNAPSHOT, "", snapshot.number, now, snapshot.service + snapshot.host)
         snapshot.digest = self.journal.digest
         payload = snapshot.SerializeToString(deterministic=True)
         return Sample(topics.snapshot(self.name).name, snapshot.number, now, payload)
@@ -212,7 +222,7 @@ class Node:
 
     def _encode(self, effect: Publication, source: str) -> _Out:
         topic = effect.topic
-        if topic not in self.contract.outputs and topic != topics.log(self.name).name:
+        if topic not in self.contract.outputs and topic != self._log:
             raise BadHandler(f"service '{self.name}' published '{topic}', which it does not declare")
         bad = nonfinite(effect.message)
         if bad is not None:
@@ -225,7 +235,7 @@ class Node:
         samples = []
         for topic, payload in outs:
             sequence = self._number(topic)
-            self.journal.add(EntryKind.PRODUCED, topic, sequence, finish, payload)
+            self.journal.add(_PRODUCED, topic, sequence, finish, payload)
             samples.append(Sample(topic, sequence, finish, payload))
         return samples
 

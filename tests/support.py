@@ -53,6 +53,7 @@ class OdometrySource(Service):
     Config = Pace
     odometry = Output(topics.ODOMETRY)
     tick = Timer(lambda config: config.period)
+    state: Count
 
     def __init__(self, config: Pace) -> None:
         super().__init__(config)
@@ -71,6 +72,7 @@ class CommandSource(Service):
     Config = Pace
     command = Output(topics.COMMAND)
     tick = Timer(lambda config: config.period)
+    state: Count
 
     def __init__(self, config: Pace) -> None:
         super().__init__(config)
@@ -127,6 +129,7 @@ class Relay(Service):
     Config = Nothing
     odometry = Input(topics.ODOMETRY)
     pose = Output(topics.ROBOT_POSE)
+    state: Count
 
     def __init__(self, config: Nothing) -> None:
         super().__init__(config)

@@ -35,9 +35,7 @@ def outlines(shapes: tuple[Shape, ...], pose: tuple[float, float, float] = (0.0,
         for one in placed
         if not isinstance(one, Disc)
     ]
-    return Outlines(
-        np.array(boxes, dtype=np.float64).reshape(-1, 6), np.array(discs, dtype=np.float64).reshape(-1, 3)
-    )
+    return Outlines(np.array(boxes, dtype=np.float64).reshape(-1, 6), np.array(discs, dtype=np.float64).reshape(-1, 3))
 
 
 @njit("f8[::1](f8[:, ::1], f8[::1], f8, f8[:, ::1], f8[:, ::1])", cache=True)

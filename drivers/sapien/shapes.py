@@ -18,9 +18,7 @@ Yaw = Annotated[float, msgspec.Meta(ge=-6.2832, le=6.2832)]
 _SLACK = 1e-9
 
 
-class Box(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag="box", tag_field="shape"
-):
+class Box(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag="box", tag_field="shape"):
     """A rectangle: centre (x, y) m, yaw rad, full length along its own x and width along its own y, m."""
 
     length: Size
@@ -30,9 +28,7 @@ class Box(
     yaw: Yaw = 0.0
 
 
-class Disc(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag="disc", tag_field="shape"
-):
+class Disc(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag="disc", tag_field="shape"):
     """A disc: centre (x, y) m, radius m."""
 
     radius: Size

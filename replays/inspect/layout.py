@@ -13,7 +13,7 @@ from replays.inspect.learning import HISTORY
 from replays.inspect.places import Ground
 
 HALF_VIEW = math.radians(55.0) / 2.0  # half the vertical opening of Rerun's eye
-ASPECT = 1.05  # width over height of the map view, at its narrowest
+ASPECT = 1.12  # width over height of the map view, at its narrowest
 # A plot's legend covers its right end: so much empty time, as a share of the session, keeps the lines clear of it.
 WIDE, NARROW, LANES = 0.26, 0.38, 0.10
 NORTH = (0.0, 1.0, 0.0)

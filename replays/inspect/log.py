@@ -33,9 +33,12 @@ def draw_log(canvas: Canvas, session: Session) -> None:
 
 
 def _said(session: Session) -> Iterator[Line]:
-    track = session.track("log", Log)
-    for time, line in zip(track.times.tolist(), track.messages, strict=True):
-        yield line.name, time, _LEVELS.get(line.level, "TRACE"), line.message
+    for topic in session.tracks:
+        if topic == "log" or topic.startswith("log/"):
+            track = session.track(topic, Log)
+            for time, line in zip(track.times.tolist(), track.messages, strict=True):
+                who = line.name or topic.removeprefix("log/")
+                yield who, time, _LEVELS.get(line.level, "TRACE"), line.message
 
 
 def _requests(session: Session) -> Iterator[Line]:

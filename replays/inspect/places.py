@@ -16,9 +16,13 @@ ROBOT_DIAMETER = 0.46
 
 @dataclass(frozen=True)
 class Places:
-    """Robot poses (N, 3) and object positions (M, 2), map frame, with their times (ns); diameters in m."""
+    """Robot poses (N, 3) and object positions (M, 2), map frame; diameters in m.
+
+    `robot_times` and `object_times` say when they were known (ns), `robot_stamps` when the robot was there.
+    """
 
     robot_times: NDArray[np.int64]
+    robot_stamps: NDArray[np.int64]
     robot: NDArray[np.float64]
     object_times: NDArray[np.int64]
     object: NDArray[np.float64]
@@ -46,6 +50,7 @@ def places(session: Session) -> Places:
     known = [diameter for diameter in diameters if diameter > 0.0]
     return Places(
         poses.times,
+        np.array([m.stamp for m in poses.messages], np.int64),
         np.array([(m.pose.x, m.pose.y, m.pose.theta) for m in poses.messages], np.float64).reshape(-1, 3),
         objects.times,
         np.array([(m.position.x, m.position.y) for m in objects.messages], np.float64).reshape(-1, 2),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from replays.inspect import palette
 from replays.inspect.canvas import Canvas, raised
 from replays.inspect.session import Session
-from replays.inspect.shapes import circle, ribbon
+from replays.inspect.shapes import band, circle
 from runtime.messages import Corridor, OccupancyGrid, PushGoal, PushTarget
 
 # Layers of the picture, m above the floor; thin enough that nothing shifts when seen from above.
@@ -73,7 +73,7 @@ def _draw_corridors(canvas: Canvas, session: Session) -> None:
         ("fill_object", [m.width_object for m in track.messages], palette.OBJECT_CORRIDOR_FILL, INNER_FILL),
     ):
         strips = [
-            ribbon(path, np.array(width, np.float64)) if len(path) == len(width) else ribbon(path[:0], path[:0, 0])
+            band(path, np.array(width, np.float64)) if len(path) == len(width) else band(path[:0], path[:0, 0])
             for path, width in zip(paths, widths, strict=True)
         ]
         corners = [len(points) for points, _ in strips]

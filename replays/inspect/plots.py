@@ -15,6 +15,7 @@ from runtime.messages import (
     Health,
     Odometry,
     PushBehaviour,
+    PushPhase,
     PushStatus,
     PushTarget,
     RobotStatus,
@@ -115,8 +116,9 @@ def _plot_depth(canvas: Canvas, session: Session, where: Places) -> None:
 def _plot_distance(canvas: Canvas, session: Session) -> None:
     statuses = session.track("push/status", PushStatus)
     targets = session.track("push/target", PushTarget)
-    left = [m.distance_left for m in statuses.messages]
-    canvas.series("/distance/straight", statuses.times, left, palette.DISTANCE, "straight o-g", 2.0)
+    under_way = np.array([m.phase > PushPhase.IDLE for m in statuses.messages], bool)
+    left = np.array([m.distance_left for m in statuses.messages])[under_way]
+    canvas.series("/distance/straight", statuses.times[under_way], left, palette.DISTANCE, "straight o-g", 2.0)
     canvas.series(
         "/distance/path", targets.times, [m.distance_to_go for m in targets.messages], palette.PATH, "along Q"
     )

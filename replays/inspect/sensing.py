@@ -36,7 +36,8 @@ def _draw_scans(canvas: Canvas, session: Session, where: Places) -> None:
     if not len(track):
         return
     clouds: list[NDArray[np.float64]] = []
-    for scan, pose in zip(track.messages, pose_at(track.times, where.robot_times, where.robot), strict=True):
+    stamps = np.array([scan.timestamp.ToNanoseconds() for scan in track.messages], np.int64)
+    for scan, pose in zip(track.messages, pose_at(stamps, where.robot_stamps, where.robot), strict=True):
         distance = np.array(scan.ranges, np.float64)
         bearing = np.linspace(scan.start_angle, scan.end_angle, len(distance))
         hit = np.isfinite(distance) & (distance > 0.0)
@@ -62,7 +63,8 @@ def _draw_ranges(canvas: Canvas, session: Session, where: Places) -> None:
     if not len(track):
         return
     rays: list[NDArray[np.float64]] = []
-    for reading, pose in zip(track.messages, pose_at(track.times, where.robot_times, where.robot), strict=True):
+    stamps = np.array([reading.stamp for reading in track.messages], np.int64)
+    for reading, pose in zip(track.messages, pose_at(stamps, where.robot_stamps, where.robot), strict=True):
         distance, bearing = np.array(reading.distance, np.float64), np.array(reading.bearing, np.float64)
         hit = np.isfinite(distance) & (distance < reading.maximum)
         way = np.column_stack([np.cos(bearing[hit]), np.sin(bearing[hit])])

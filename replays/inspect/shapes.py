@@ -41,6 +41,25 @@ def ribbon(path: Floats, half_width: Floats) -> tuple[Floats, NDArray[np.uint32]
     return corners, triangles.reshape(-1, 3)
 
 
+def band(path: Floats, half_width: Floats, stride: int = 4) -> tuple[Floats, NDArray[np.uint32]]:
+    """The corridor of half width `half_width` (N) around `path` (N, 2): (M, 2) corners, (K, 3) triangles.
+
+    The ribbon along the path, and discs around every `stride`-th point and the ends: they round the ends off and fill
+    what the ribbon leaves open outside of bends. Like the ribbon it never leaves the corridor.
+    """
+    corners, triangles = ribbon(path, half_width)
+    disc, faces = fan()
+    points, shapes = [corners], [triangles]
+    at = [*range(0, len(path) - 1, stride), len(path) - 1] if len(path) else []
+    count = len(corners)
+    for index in at:
+        if half_width[index] > 0.0:
+            points.append(path[index] + half_width[index] * disc)
+            shapes.append(faces + np.uint32(count))
+            count += len(disc)
+    return np.vstack(points), np.vstack(shapes)
+
+
 def rotated(vectors: Floats, theta: Floats) -> Floats:
     """(N, 2) vectors turned by theta (N), rad."""
     cos, sin = np.cos(theta), np.sin(theta)

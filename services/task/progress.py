@@ -1,4 +1,4 @@
-"""Scores a push as it goes: path lengths, corridor violations, and whether the robot circles (Sec. 6.2)."""
+"""Scores a push as it goes: path lengths, and whether the robot circles (Sec. 6.2)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.geometry.angles import difference
-from services.geometry.field import depth
 
 Array = NDArray[np.float64]
 
@@ -94,20 +93,3 @@ class Progress:
     def object_length(self) -> float:
         """L_Qo, m."""
         return self.object_path.length
-
-
-def violations(path: Array, width_push: Array, r: Array, o: Array, tolerance: float) -> tuple[bool, bool]:
-    """Return whether the robot's and the object's centre ((2,), m) are outside the pushing corridor.
-
-    Args:
-        path: Q, (N, 2), m, map frame, with the lead-in.
-        width_push: W_p, (N,), m.
-        tolerance: m a centre may seem outside: the noise of positions.
-
-    Raises:
-        services.geometry.path.BadPath: path and widths cannot be used.
-    """
-    return (
-        depth(float(r[0]), float(r[1]), path, width_push) < -tolerance,
-        depth(float(o[0]), float(o[1]), path, width_push) < -tolerance,
-    )

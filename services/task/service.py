@@ -26,7 +26,7 @@ from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry, vector
 from services.names import CONTROLLERS, STRATEGIES
 from services.task.config import TaskConfig
-from services.task.progress import Progress, violations
+from services.task.progress import Progress
 
 _MIN_PRECISION = 0.005
 _MAX_COORDINATE = 1e4
@@ -193,9 +193,8 @@ class TaskService(Service):
         status.distance_left = math.hypot(g.x - o[0], g.y - o[1])
         status.robot_path_length = state.progress.robot_length
         status.object_path_length = state.progress.object_length
-        robot_out, object_out = violations(corridor.path, corridor.width_push, r, o, config.violation_tolerance)
-        status.robot_violations += robot_out
-        status.object_violations += object_out
+        status.robot_violations += corridor.field.value(r[0], r[1]) < -config.violation_tolerance
+        status.object_violations += corridor.field.value(o[0], o[1]) < -config.violation_tolerance
         to_go = corridor.distance_to_go(o)
         if to_go <= state.best - config.stall_progress:
             state.best, state.since = to_go, now

@@ -75,9 +75,7 @@ def test_batches_give_back_what_was_written_with_the_chain_of_the_book(
     rows: list[Row], cuts: list[int], first: int, digest: int
 ) -> None:
     found = list(entries(write(rows, cuts, first, digest)))
-    assert [(e.kind, e.name, e.sequence, e.time) for e in found] == [
-        (r.kind, r.name, r.sequence, r.time) for r in rows
-    ]
+    assert [(e.kind, e.name, e.sequence, e.time) for e in found] == [(r.kind, r.name, r.sequence, r.time) for r in rows]
     assert [e.number for e in found] == list(range(first, first + len(rows)))
     assert [e.digest for e in found] == digests_by_hand(rows, digest)
 

@@ -169,9 +169,7 @@ def test_a_publication_that_is_not_finite_is_refused_by_service_topic_and_field(
         "another type",
     ],
 )
-def test_what_a_handler_may_not_yield_is_refused_by_service(
-    script: Callable[[Puppet], object], message: str
-) -> None:
+def test_what_a_handler_may_not_yield_is_refused_by_service(script: Callable[[Puppet], object], message: str) -> None:
     for event in (hear, beat):
         with pytest.raises(BadHandler, match=message):
             event(script)

@@ -161,9 +161,7 @@ def test_reliable_messages_keep_their_place_when_a_stale_one_is_dropped() -> Non
     timing = Timing(duration={"listener": 350 * MILLISECOND})
     scheduler, _ = schedule([OdometrySource(Pace(0.8)), CommandSource(Pace(0.1)), listener], timing)
     scheduler.run(8 * SECOND)
-    assert [number for _, number in listener.heard("odometry")] == list(
-        range(1, 1 + len(listener.heard("odometry")))
-    )
+    assert [number for _, number in listener.heard("odometry")] == list(range(1, 1 + len(listener.heard("odometry"))))
     numbers = [number for _, number in listener.heard("command")]
     assert numbers == sorted(set(numbers)) and len(numbers) > 1
 
@@ -327,7 +325,11 @@ class OtherAnswerer(Service):
 @pytest.mark.parametrize(
     ("services", "timing", "message"),
     [
-        ([OdometrySource(SLOW), Rival(SLOW)], None, "topic 'odometry' has two publishers: 'odometry-source' and 'rival'"),
+        (
+            [OdometrySource(SLOW), Rival(SLOW)],
+            None,
+            "topic 'odometry' has two publishers: 'odometry-source' and 'rival'",
+        ),
         ([Listener(SLOW, "twin"), Listener(SLOW, "twin")], None, "'twin'"),
         ([Cheat(Nothing())], None, "'truth'"),
         ([Listener(SLOW), OtherAnswerer(Nothing())], None, "'push/cancel'"),
@@ -353,9 +355,7 @@ class OtherAnswerer(Service):
         "no journal period",
     ],
 )
-def test_what_makes_no_system_is_refused_by_name(
-    services: list[Service], timing: Timing | None, message: str
-) -> None:
+def test_what_makes_no_system_is_refused_by_name(services: list[Service], timing: Timing | None, message: str) -> None:
     with pytest.raises(BadSystem, match=message):
         schedule(services, timing)
 
@@ -393,9 +393,7 @@ TIMINGS = st.builds(
             ("command", "*"): st.integers(0, 10**8),
         },
     ),
-    duration=st.fixed_dictionaries(
-        {}, optional={"relay": st.integers(0, 10**8), "listener": st.integers(0, 10**8)}
-    ),
+    duration=st.fixed_dictionaries({}, optional={"relay": st.integers(0, 10**8), "listener": st.integers(0, 10**8)}),
     snapshot_period=st.integers(10**7, 10**9),
 )
 

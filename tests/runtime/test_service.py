@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from runtime import topics
-from runtime.messages import CancelRequest, Odometry
+from runtime.messages import CancelRequest, Log, Odometry
 from runtime.service import BadService, Input, Output, RequestInput, Service, Timer, on
 from runtime.time import SECOND, Time, nanoseconds, seconds
 from tests.support import Listener, Nothing, Pace
@@ -107,8 +107,10 @@ def test_a_timer_takes_its_period_from_the_configuration() -> None:
 def test_a_log_line_carries_the_logical_time() -> None:
     said = Listener(Pace()).say("here", 3 * SECOND + 25, level="WARNING")
     assert said.topic == "log/listener"
+    assert isinstance(said.message, Log)
     assert (said.message.timestamp.seconds, said.message.timestamp.nanos) == (3, 25)
     assert (said.message.message, said.message.name) == ("here", "listener")
+    assert said.message.level == Log.Level.WARNING
 
 
 def test_times_convert_to_the_nearest_nanosecond() -> None:

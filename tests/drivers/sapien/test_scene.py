@@ -80,7 +80,8 @@ def test_jitter_is_seeded_and_within_its_range() -> None:
     aside = np.array([[s.object.x - one.object.x, s.object.y - one.object.y] for s in shifted])
     assert np.abs(aside).max() <= one.jitter.object_position
     assert np.abs(aside).max() > 0.9 * one.jitter.object_position
-    assert max(abs(s.robot.yaw - one.robot.yaw) for s in shifted) <= one.jitter.robot_yaw
+    turned = max(abs(s.robot.yaw - one.robot.yaw) for s in shifted)
+    assert 0.9 * one.jitter.robot_yaw < turned <= one.jitter.robot_yaw
     still = msgspec.structs.replace(one, jitter=scene.Jitter(
         robot_position=0.0, robot_yaw=0.0, object_position=0.0, object_yaw=0.0
     ))  # fmt: skip

@@ -28,6 +28,7 @@ CELL = 0.05  # m
 SIDE = 160  # cells: 8 m
 ROBOT, OBJECT = 0.46, 0.30  # m, diameters
 KAPPA_0, KAPPA_1 = 1.5, 9.0
+LATE = 60_000_000  # ns between a pose and its message
 
 
 def ns(seconds: float) -> int:

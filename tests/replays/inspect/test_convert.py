@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from replays.inspect import to_rrd
 from replays.inspect.session import read_session
 from runtime.messages import LaserScan, OccupancyGrid, PushBehaviour, RobotPose
-from tests.replays.inspect.synthetic_session import CELL, SIDE, grid, write_session
+from tests.replays.inspect.synthetic_session import CELL, SIDE, Push, grid, write_session
 
 TOPICS = (
     "odometry", "scan", "ranges", "status", "robot/pose", "map", "object/state", "push/goal", "corridor", "push/target",
@@ -77,6 +77,19 @@ def test_scans_lie_on_occupied_cells(rrd: Path) -> None:
         axis=0,
     )
     assert near.mean() > 0.99
+
+
+def test_scans_are_placed_by_where_the_robot_was_not_by_what_was_known(push: Path, rrd: Path) -> None:
+    truth = Push(8.0)
+    _, rows = column(rrd, "/map/scan", "Points3D:positions")
+    for scan, row in zip(read_session(push).track("scan", LaserScan).messages, rows, strict=True):
+        x, y, theta = truth.robot(scan.timestamp.ToNanoseconds() / 1e9)
+        reach = np.array(scan.ranges)
+        bearing = theta + np.linspace(scan.start_angle, scan.end_angle, len(reach))
+        hit = np.isfinite(reach)
+        expected = np.column_stack([x + reach * np.cos(bearing), y + reach * np.sin(bearing)])[hit]
+        # Poses are given with a noise of some millimetres, and linear over 20 ms.
+        assert np.array(row)[:, :2] == pytest.approx(expected, abs=0.03)
 
 
 def test_the_map_has_its_lowest_row_last(push: Path, rrd: Path) -> None:

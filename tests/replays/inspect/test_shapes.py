@@ -74,6 +74,32 @@ def test_a_path_of_one_point_has_no_ribbon() -> None:
     assert len(triangles) == 0
 
 
+@given(st.lists(st.tuples(metres, metres, st.floats(-1.0, 2.0)), min_size=1, max_size=10))
+def test_a_band_stays_in_its_corridor(nodes: list[tuple[float, float, float]]) -> None:
+    path = np.array([(x, y) for x, y, _ in nodes])
+    width = np.array([w for _, _, w in nodes])
+    corners, triangles = shapes.band(path, width)
+    reach = np.maximum(width, 0.0)
+    depth = [max(w - math.dist(c, q) for q, w in zip(path, reach, strict=True)) for c in corners]
+    assert min(depth, default=0.0) >= -1e-9
+    assert triangles.max(initial=0) < max(len(corners), 1)
+
+
+def test_a_band_has_round_ends() -> None:
+    path = np.column_stack([np.linspace(0.0, 4.0, 41), np.zeros(41)])
+    corners, triangles = shapes.band(path, np.full(41, 0.5))
+    finder = [corners[triangles[:, k]] for k in range(3)]
+
+    def covered(x: float, y: float) -> bool:
+        a, b, c = ((p - (x, y)) for p in finder)
+        turns = np.stack([u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] for u, v in ((a, b), (b, c), (c, a))])
+        return bool((np.all(turns >= 0.0, axis=0) | np.all(turns <= 0.0, axis=0)).any())
+
+    inside = [(-0.48, 0.0), (4.48, 0.0), (-0.33, 0.33), (4.33, -0.33), (2.0, 0.49)]
+    outside = [(-0.52, 0.0), (4.52, 0.0), (-0.38, 0.38), (2.0, 0.51)]
+    assert [covered(*point) for point in inside + outside] == [True] * 5 + [False] * 4
+
+
 def test_the_fan_covers_the_disc() -> None:
     corners, triangles = shapes.fan(96)
     a, b, c = (corners[triangles[:, k]] for k in range(3))

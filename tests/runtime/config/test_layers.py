@@ -87,9 +87,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("key", "value", "says"), WRONG)
-def test_a_wrong_value_in_a_file_is_refused_with_file_and_key(
-    tmp_path: Path, key: str, value: str, says: str
-) -> None:
+def test_a_wrong_value_in_a_file_is_refused_with_file_and_key(tmp_path: Path, key: str, value: str, says: str) -> None:
     section, _, rest = key.partition(".")
     path = toml(tmp_path, f"[{section}]\n{rest} = {value}\n")
     text = refusal(read_toml(path))
@@ -186,7 +184,9 @@ def test_layers_are_not_changed_by_merging(tmp_path: Path) -> None:
     assert second.values == {"links": {"latency": {"odometry": 0.7, "map": 0.1}}}
 
 
-@pytest.mark.parametrize("text", ["controller.k_gamma", "k_gamma=1", "=1", ".k=1", "controller.=1", "controller..k=1", ""])
+@pytest.mark.parametrize(
+    "text", ["controller.k_gamma", "k_gamma=1", "=1", ".k=1", "controller.=1", "controller..k=1", ""]
+)
 def test_what_is_no_assignment_is_refused(text: str) -> None:
     with pytest.raises(ConfigError, match=r"expected section\.key=value"):
         read_assignments([text])

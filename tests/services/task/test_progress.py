@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.task.progress import LEASH, PathLength, Progress, violations
+from services.task.progress import LEASH, PathLength, Progress
 
 
 def follow(points: np.ndarray, leash: float = LEASH) -> float:
@@ -71,16 +71,3 @@ def test_lengths_of_both_are_kept_apart() -> None:
     for s in np.linspace(0, 1, 50):
         progress.add(np.array((2 * s, 0.0)), np.array((0.0, s)))
     assert (progress.robot_length, progress.object_length) == pytest.approx((2.0, 1.0))
-
-
-def test_violations_of_a_straight_corridor() -> None:
-    path = np.column_stack([np.arange(0, 4.01, 0.05), np.zeros(81)])
-    width = np.full(81, 0.5)
-
-    def out(y_robot: float, y_object: float) -> tuple[bool, bool]:
-        return violations(path, width, np.array((1.0, y_robot)), np.array((2.0, y_object)), 0.02)
-
-    assert out(0.49, -0.49) == (False, False)
-    assert out(0.51, -0.51) == (False, False)
-    assert out(0.53, 0.0) == (True, False)
-    assert out(0.0, -0.53) == (False, True)

@@ -1,0 +1,1 @@
+"""Benchmarks. `python -m experiments.bench` prints every figure the documentation states about speed."""
