@@ -42,7 +42,7 @@ def run_shown(session: Session, record: Path | None, terminal: bool, quiet: bool
             raise
     if result.status.cause == FailureCause.NO_PATH:
         _discard(record)
-        raise NoPath(f"goal ({session.goal.position.x:g}, {session.goal.position.y:g}): {result.status.reason}")
+        raise NoPath(result.status.reason)
     return result, time.perf_counter() - started
 
 
@@ -113,7 +113,8 @@ def _lines(started: float) -> Callable[[Time, PushStatus], None]:
     shown = [-_LINE_EVERY, PushPhase.PHASE_UNSPECIFIED]
 
     def watch(now: Time, status: PushStatus) -> None:
-        if now - shown[0] < _LINE_EVERY and status.phase == shown[1]:
+        # How it ended is said by the summary, or by the error.
+        if status.phase == PushPhase.ENDED or (now - shown[0] < _LINE_EVERY and status.phase == shown[1]):
             return
         shown[:] = [now, status.phase]
         print(

@@ -22,7 +22,8 @@ class Laser(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """A scanner in the base's plane.
 
     x, y, yaw: m and rad, where it sits in the base frame. field: rad, from the first beam to the last, which
-    lie evenly about its own forward direction. minimum, maximum: m.
+    lie evenly about its own forward direction. minimum, maximum: m. step: m, readings are whole steps, as those
+    of the scanners on Robotinos were seen to be.
     """
 
     x: Offset = 0.1
@@ -32,6 +33,7 @@ class Laser(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     beams: Annotated[int, msgspec.Meta(ge=2, le=10_000)] = 271
     minimum: Length = 0.05
     maximum: Length = 10.0
+    step: Annotated[float, msgspec.Meta(gt=0.0, le=0.1)] = 0.01
 
     def bearings(self) -> NDArray[np.float64]:
         """Return the direction of each beam, (beams,) rad, in the scanner's own frame."""
@@ -71,7 +73,8 @@ def laser_scan(
     origin = np.ascontiguousarray(np.broadcast_to(place, (laser.beams, 2)))
     bearing = theta + laser.yaw + laser.bearings()
     distance = cast(origin, bearing, laser.maximum, seen.boxes, seen.discs)
-    return _noisy(distance, laser.minimum, laser.maximum, noise, generator)
+    noisy = _noisy(distance, laser.minimum, laser.maximum, noise, generator)
+    return np.asarray(np.where(noisy < laser.maximum, laser.step * np.rint(noisy / laser.step), laser.maximum))
 
 
 def ring_ranges(

@@ -57,6 +57,7 @@ def overlay(recorded: Sequence[Row], replayed: Sequence[Row], out: Path) -> dict
             rrb.TimePanel(state="collapsed", timeline=TIMELINE),
             rrb.SelectionPanel(state="hidden"),
             rrb.BlueprintPanel(state="hidden"),
+            rrb.TopPanel(state="hidden"),
             auto_views=False,
             auto_layout=False,
         ),

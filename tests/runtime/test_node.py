@@ -319,7 +319,7 @@ class Dreamer(Service):
     def report(self, now: Time) -> Publication:
         command = 0.0 if self.command is None else self.command.psi_push
         covariance = [self.state.level, self.total, command, float(self.state.n + self.pending)]
-        covariance += [float(value) for value in self.state.seen.values()]
+        covariance += [float(self.state.seen[name]) for name in sorted(self.state.seen)]
         return self.pose(RobotPose(stamp=now, covariance=covariance))
 
 

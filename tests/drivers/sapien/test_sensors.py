@@ -78,7 +78,7 @@ def test_laser_sees_the_walls_of_a_square_room(generator: np.random.Generator) -
     walls = outlines(
         tuple(Box(x=3.5 * cos(a), y=3.5 * sin(a), yaw=a, length=1.0, width=9.0) for a in (0, pi / 2, pi, -pi / 2))
     )
-    laser = Laser(x=0.1, y=0.05)
+    laser = Laser(x=0.1, y=0.05, step=1e-9)
     scan = laser_scan(laser, np.array([0.5, -0.2, 0.3]), walls, QUIET, generator)
     x, y = 0.5 + 0.1 * cos(0.3) - 0.05 * sin(0.3), -0.2 + 0.1 * sin(0.3) + 0.05 * cos(0.3)
     assert scan.shape == (271,)
@@ -86,7 +86,7 @@ def test_laser_sees_the_walls_of_a_square_room(generator: np.random.Generator) -
         bearing = 0.3 + radians(-135 + index)
         to_x = (3 - x) / cos(bearing) if cos(bearing) > 0 else (-3 - x) / cos(bearing)
         to_y = (3 - y) / sin(bearing) if sin(bearing) > 0 else (-3 - y) / sin(bearing)
-        assert scan[index] == pytest.approx(min(to_x, to_y), abs=1e-9)
+        assert scan[index] == pytest.approx(min(to_x, to_y), abs=2e-9)
 
 
 def test_laser_sees_the_object_and_says_maximum_where_nothing_is(generator: np.random.Generator) -> None:
@@ -106,6 +106,15 @@ def test_laser_noise_has_the_spread_asked_for_and_stays_in_range(generator: np.r
     assert scan.mean() == pytest.approx(2.0, abs=0.001)
     close = laser_scan(laser, np.array([1.99, 0.0, 0.0]), wall, 0.01, generator)
     assert (close >= laser.minimum).all()
+
+
+def test_laser_reads_whole_steps(generator: np.random.Generator) -> None:
+    wall = outlines((Box(x=2.5, length=1.0, width=100.0),))
+    scan = laser_scan(Laser(field=0.5, step=0.01), np.zeros(3), wall, 0.02, generator)
+    exact = laser_scan(Laser(field=0.5, step=1e-9), np.zeros(3), wall, QUIET, generator)
+    assert np.abs(100 * scan - np.rint(100 * scan)).max() < 1e-9
+    assert np.abs(scan - exact).max() < 0.1
+    assert len(np.unique(scan)) > 5
 
 
 def test_ring_sees_around_counter_clockwise(generator: np.random.Generator) -> None:

@@ -196,7 +196,7 @@ def rows(seconds: float, images: bool = False) -> Iterator[Row]:
             twist=geometry_pb2.Twist2(vx=vx + 0.01 * n[0], vy=vy + 0.01 * n[1], omega=omega + 0.02 * n[2]),
         )  # fmt: skip
         yield (
-            ns(time) + 1_000_000,
+            ns(time) + LATE,
             "robot/pose",
             world_pb2.RobotPose(
                 stamp=ns(time),
@@ -241,7 +241,7 @@ def rows(seconds: float, images: bool = False) -> Iterator[Row]:
     ):
         line = Log(level=level, name=name, message=text)
         line.timestamp.FromNanoseconds(ns(time))
-        yield ns(time), "log", line
+        yield ns(time), f"log/{name}", line
 
 
 def _at_25_hz(push: Push, time: float, n: Floats) -> Iterator[Row]:

@@ -17,7 +17,7 @@ from tests.replays.inspect.synthetic_session import CELL, SIDE, Push, grid, writ
 
 TOPICS = (
     "odometry", "scan", "ranges", "status", "robot/pose", "map", "object/state", "push/goal", "corridor", "push/target",
-    "push/behaviour", "command", "push/status", "truth", "log",
+    "push/behaviour", "command", "push/status", "truth", "log/corridor",
 )  # fmt: skip
 
 
@@ -108,6 +108,14 @@ def test_phases_change_where_the_status_says(rrd: Path) -> None:
     assert [row[0] for row in rows] == ["idle", "planning", "pushing", "waiting", "pushing", "delivered"]
     assert times[0] == 0
     assert np.all(np.diff(times) > 0)
+
+
+def test_the_log_says_who_spoke_and_when(rrd: Path) -> None:
+    times, rows = column(rrd, "/log/tracker", "TextLog:text")
+    assert rows == [["    3.36 s  tracker: object predicted: no detection for 0.2 s"]]
+    assert times.tolist() == [3_360_000_000]
+    _, ends = column(rrd, "/log/push", "TextLog:text")
+    assert ends[-1][0].endswith("push: delivered, object within precision")  # type: ignore[attr-defined]
 
 
 def test_the_depth_is_that_of_the_corridor_in_force(rrd: Path) -> None:
