@@ -11,6 +11,7 @@ import struct
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 from runtime.messages import EntryKind, Journal
 from runtime.time import Time
@@ -69,7 +70,7 @@ class JournalWriter:
         if not self._rows:
             return None
         kind, name, sequence, time, digest = zip(*self._rows, strict=True)
-        differences = [time[0], *(b - a for a, b in zip(time, time[1:], strict=False))]
+        differences = [time[0], *(b - a for a, b in pairwise(time))]
         batch = Journal(
             node=self.node,
             first=self.number - len(self._rows),

@@ -19,7 +19,7 @@ from runtime.errors import PushlaneError
 from runtime.messages import Request
 from runtime.node import Node, Sample
 from runtime.time import MILLISECOND, SECOND, Time
-from runtime.topics import TOPICS, Delivery
+from runtime.topics import Delivery
 
 Sink = Callable[[Sample], None]
 _Work = Callable[[Node, Time, Time], list[Sample]]
@@ -161,8 +161,8 @@ class Scheduler:
                 if topic in publishers:
                     raise BadSystem(f"topic '{topic}' has two publishers: '{publishers[topic]}' and '{name}'")
                 publishers[topic] = name
-            for topic in seat.node.contract.inputs:
-                latest = TOPICS[topic].delivery is Delivery.LATEST
+            for topic, source in seat.node.contract.inputs.items():
+                latest = source.delivery is Delivery.LATEST
                 latency = self._timing.link(topic, name)
                 listeners.setdefault(topic, []).append((seat, latency, latest))
         named = {node for _, node in self._timing.latency} - {"*"} | set(self._timing.duration)

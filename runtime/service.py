@@ -24,7 +24,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from runtime import messages, state
 from runtime.time import SECOND, Time
-from runtime.topics import Topic
+from runtime.topics import Delivery, Topic
 
 M = TypeVar("M", bound=Message)
 F = TypeVar("F", bound=Callable[..., object])
@@ -57,10 +57,14 @@ class Input(Generic[M]):
     """A topic the service consumes. On an instance, its newest message so far, or None.
 
     Messages are shared and must not be changed.
+
+    Args:
+        delivery: what the queue keeps while the service is busy; the topic's own by default.
     """
 
-    def __init__(self, topic: Topic[M]) -> None:
+    def __init__(self, topic: Topic[M], delivery: Delivery | None = None) -> None:
         self.topic = topic
+        self.delivery = delivery or topic.delivery
 
     @overload
     def __get__(self, instance: None, owner: type[Service]) -> Input[M]: ...

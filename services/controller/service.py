@@ -12,6 +12,7 @@ from runtime import topics
 from runtime.messages import Corridor, ObjectState, PushBehaviour, RobotPose, Twist2, VelocityCommand, Visibility
 from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
 from runtime.time import Time, nanoseconds
+from runtime.topics import Delivery
 from services.controller import barrier, centroid, dipole, push_law
 from services.controller.activation import activations
 from services.controller.config import ControllerConfig
@@ -47,7 +48,7 @@ class ControllerService(Service):
     name = "controller"
     Config = ControllerConfig
 
-    odometry = Input(topics.ODOMETRY)
+    odometry = Input(topics.ODOMETRY, Delivery.LATEST)
     status = Input(topics.STATUS)
     robot = Input(topics.ROBOT_POSE)
     object = Input(topics.OBJECT_STATE)
