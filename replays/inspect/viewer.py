@@ -46,7 +46,6 @@ def save_picture(rrd: Path, out: Path, at: float | None, size: tuple[int, int]) 
 def open_window(rrd: Path, web: bool) -> None:
     """See `replays.inspect.open_viewer`."""
     if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        return
         raise NoDisplay("this machine has no screen: use --save FILE.rrd or --screenshot FILE.png")
     command = [str(_binary()), str(rrd)]
     if web:

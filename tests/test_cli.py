@@ -1,0 +1,133 @@
+"""The command line: whole runs, listings, and errors that name what is wrong without a traceback."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from drivers.sapien import objects, scene
+from services.names import CONTROLLERS, STRATEGIES
+
+SHORT = ["--scene", "open", "--goal", "1.6", "0.3"]
+
+
+def pushlane(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "runtime.cli.main", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=cwd,
+        timeout=120,
+        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(Path(__file__).parent.parent), "COLUMNS": "120"},
+    )
+
+
+def test_a_push_is_recorded_and_replays(tmp_path: Path) -> None:
+    ran = pushlane("sim", *SHORT, "--seed", "7", "-o", "a.mcap", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.splitlines()[-1].startswith("DELIVERED: cylinder in open, strict, adaptive, seed 7")
+    assert "times real time" in ran.stdout
+    assert "\x1b" not in ran.stdout  # plain lines where there is no terminal
+    replayed = pushlane("replay", "a.mcap", cwd=tmp_path)
+    assert replayed.returncode == 0
+    assert replayed.stdout.splitlines()[-1].startswith("IDENTICAL byte for byte")
+    found = json.loads(pushlane("replay", "a.mcap", "--json", "--service", "task", cwd=tmp_path).stdout)
+    assert found["identical"] is True
+    assert [one["name"] for one in found["services"]] == ["task"]
+    differs = pushlane("replay", "a.mcap", "--service", "controller", "--set", "controller.speed=0.2", cwd=tmp_path)
+    assert differs.returncode == 1
+    assert "DIFFERENT: controller" in differs.stdout
+    data = bytearray((tmp_path / "a.mcap").read_bytes())
+    data[len(data) // 2] ^= 4
+    (tmp_path / "b.mcap").write_bytes(data)
+    corrupt = pushlane("replay", "b.mcap", cwd=tmp_path)
+    assert corrupt.returncode == 2
+    assert "Traceback" not in corrupt.stderr
+
+
+def test_two_processes_give_the_same_payloads(tmp_path: Path) -> None:
+    from replays.recording import load
+
+    for name in ("a.mcap", "b.mcap"):
+        assert pushlane("sim", *SHORT, "-o", name, cwd=tmp_path).returncode == 0
+    a, b = (load(tmp_path / name) for name in ("a.mcap", "b.mcap"))
+    assert a.samples == b.samples
+    assert a.snapshots == b.snapshots
+    assert a.journals == b.journals
+
+
+def test_a_failed_push_exits_with_1_and_is_kept(tmp_path: Path) -> None:
+    ran = pushlane("sim", *SHORT, "--time-limit", "3", "-o", "a.mcap", "--json", cwd=tmp_path)
+    assert ran.returncode == 1
+    facts = json.loads(ran.stdout)
+    assert (facts["outcome"], facts["cause"]) == ("failed", "time_limit")
+    assert (tmp_path / "a.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--goal", "100", "100"], "goal (100.00, 100.00) m is 0.000 m from the nearest obstacle; 0.230 m are needed"),
+        (["--goal", "4.0", "6.95"], "from the nearest obstacle"),
+        (["--scene", "corridor-1", "--set", "perception.object_diameter=2.5"], "2.500 m"),
+        (["--scene", "nowhere"], "no scene is called 'nowhere'; known are 1A, 1B"),
+        (["--object", "elephant"], "no object is called 'elephant'; known are"),
+        (["--strategy", "brave"], "no strategy is called 'brave'; expected one of strict, relaxed"),
+        (["--controller", "brave"], "no controller is called 'brave'; expected one of adaptive"),
+        (["--goal", "nan", "1"], "--goal: sim.goal: expected a finite number (found nan)"),
+        (["--seed", "-1"], "--seed: sim.seed: expected `int` >= 0"),
+        (["--set", "controller.sped=1"], "--set: controller.sped: no such key; did you mean 'speed'?"),
+        (["--set", "controller.speed=fast"], "--set: controller.speed: expected `float`, got `str` (found 'fast')"),
+        (["--set", "nonsense"], "expected section.key=value"),
+        (["--config", "missing.toml"], "cannot read missing.toml"),
+        (["--set", "timing.latency.nothing=1.0"], "no topic 'nothing'"),
+        (["-o", "no/such/folder.mcap"], "cannot write no/such/folder.mcap"),
+    ],
+)
+def test_mistakes_are_named_in_one_line(arguments: list[str], words: str, tmp_path: Path) -> None:
+    output = [] if "-o" in arguments else ["-o", "a.mcap"]
+    ran = pushlane("sim", *arguments, *output, cwd=tmp_path)
+    assert ran.returncode == 2, ran.stdout
+    assert words in ran.stderr
+    assert len(ran.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_list_names_everything() -> None:
+    found = json.loads(pushlane("sim", "--list", "--json").stdout)
+    assert [one["name"] for one in found["scenes"]] == list(scene.names())
+    assert [one["name"] for one in found["objects"]] == list(objects.names())
+    assert [one["name"] for one in found["strategies"]] == list(STRATEGIES)
+    assert [one["name"] for one in found["controllers"]] == list(CONTROLLERS)
+    assert len(found["scenes"]) >= 4
+    assert len(found["objects"]) >= 6
+
+
+def test_config_show_says_where_values_come_from_and_reads_back(tmp_path: Path) -> None:
+    (tmp_path / "my.toml").write_text("[controller]\nspeed = 0.2\n")
+    arguments = ["config", "show", "--config", "my.toml", "--set", "learner.window=0.05"]
+    shown = pushlane(*arguments, cwd=tmp_path)
+    lines = {line.split(" = ")[0]: line for line in shown.stdout.splitlines() if " = " in line}
+    assert lines["speed"].endswith("# my.toml")
+    assert lines["window"].endswith("# --set")
+    assert lines["k_gamma"].endswith("# default")
+    values = tomllib.loads(shown.stdout)
+    assert values["controller"]["speed"] == 0.2
+    (tmp_path / "again.toml").write_text(shown.stdout)
+    again = pushlane("config", "show", "--config", "again.toml", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert tomllib.loads(again.stdout) == values
+
+
+def test_help_teaches() -> None:
+    shown = pushlane("--help")
+    assert shown.returncode == 0
+    for verb in ("sim", "replay", "inspect", "goldens", "config", "experiment"):
+        assert verb in shown.stdout
+        assert pushlane(verb, "--help").returncode == 0
