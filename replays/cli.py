@@ -73,6 +73,7 @@ def inspect(
     at: Annotated[
         float | None, typer.Option(metavar="S", help="Time of the screenshot.", show_default="three fifths")
     ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Open the viewer in a browser.")] = False,
 ) -> None:
     """Look at a session in Rerun: map, corridors, push-line, trails, what was learned, commands, phases, log.
 
@@ -80,7 +81,7 @@ def inspect(
     """
     from replays.inspect.show import show
 
-    show(file, save, screenshot, at)
+    show(file, save, screenshot, at, web)
 
 
 def goldens(

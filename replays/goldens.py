@@ -97,3 +97,5 @@ def _changes(old: Recording, new: Recording) -> Iterator[str]:
             yield f"{topic}: {len(before)} became {len(after)}, {different} differ"
     if old.config != new.config:
         yield "configuration changed"
+    if old.journals != new.journals or old.snapshots != new.snapshots:
+        yield "journals or snapshots changed"

@@ -1,9 +1,11 @@
 """Keeps handlers from reading what a replay could not give them again.
 
 While a handler runs, the wall clock, `random`, unseeded numpy generators, the operating system's randomness, the
-environment, files, sockets and processes are out of bounds: touching one raises `Nondeterministic`, which names
-the service and the call. Functions are replaced once, when a guard is opened, also where a service module has
-imported them by name; inside a handler the check is one comparison.
+environment, files, sockets, processes and threads are out of bounds: touching one raises `Nondeterministic`, which
+names the service and the call, and a handler that swallows the error is stopped all the same. Functions are
+replaced once, when a guard is opened, also where a service module or class holds them by name; inside a handler
+the check is one comparison. What cannot be replaced (clocks inside other compiled libraries, the order of a set of
+text) is kept out by review and by the import rules of services and drivers.
 """
 
 from __future__ import annotations
@@ -11,18 +13,17 @@ from __future__ import annotations
 import datetime
 import os
 import random
-import secrets
 import sys
 import threading
-import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from types import ModuleType, TracebackType
 from typing import Any
 
 import numpy as np
 
+from runtime import forbidden
 from runtime.errors import PushlaneError
 
 
@@ -32,49 +33,7 @@ class Nondeterministic(PushlaneError):
     exit_code = 1
 
 
-_CLOCKS: tuple[str, ...] = (
-    "time",
-    "time_ns",
-    "monotonic",
-    "monotonic_ns",
-    "perf_counter",
-    "perf_counter_ns",
-    "process_time",
-)
-_CLOCKS += ("process_time_ns", "thread_time", "thread_time_ns", "sleep", "localtime", "gmtime", "ctime")
-_RANDOM: tuple[str, ...] = (
-    "random",
-    "uniform",
-    "randint",
-    "randrange",
-    "choice",
-    "choices",
-    "shuffle",
-    "sample",
-    "gauss",
-)
-_RANDOM += (
-    "normalvariate",
-    "expovariate",
-    "betavariate",
-    "triangular",
-    "vonmisesvariate",
-    "getrandbits",
-    "seed",
-)
-_LEGACY: tuple[str, ...] = (
-    "rand",
-    "randn",
-    "randint",
-    "random",
-    "random_sample",
-    "normal",
-    "uniform",
-    "choice",
-    "shuffle",
-)
-_LEGACY += ("permutation", "standard_normal", "exponential", "poisson", "seed", "bytes", "vonmises", "beta")
-_EVENTS = ("open", "os.", "socket.", "subprocess.", "shutil.", "tempfile.", "glob.", "ctypes.dlopen")
+_EVENTS = ("open", "os.", "socket.", "subprocess.", "shutil.", "tempfile.", "glob.", "ctypes.dlopen", "_thread.start")
 _GUARDED_PACKAGES = ("services", "drivers")
 
 _active: Guard | None = None
@@ -83,14 +42,15 @@ _active: Guard | None = None
 class Guard:
     """Blocks the outside world while a handler runs.
 
-    `with guard:` replaces the functions; `with guard.during(node, handler):` blocks them for this thread.
-    `guard.node` is set and cleared directly by `runtime.node` on its hot path.
+    `with guard:` replaces the functions; `with guard.strictly(node, handler):`, or `enter` and `leave` where speed
+    matters, blocks them for this thread.
     """
 
     def __init__(self) -> None:
         self.node: str | None = None
         self.handler = ""
-        self.thread = 0
+        self._thread = 0
+        self._violation: Nondeterministic | None = None
         self._replaced: list[tuple[Any, str, object]] = []
 
     def __enter__(self) -> Guard:
@@ -98,12 +58,11 @@ class Guard:
         if _active is not None:
             raise RuntimeError("one guard at a time: another is open in this process")
         _active = self
-        self.thread = threading.get_ident()
+        self._thread = threading.get_ident()
         try:
-            originals = dict(self._plan())
-            for (owner, name), replacement in originals.items():
+            for owner, name, replacement in list(_plan()):
                 self._replace(owner, name, replacement)
-            self._replace_imported()
+            self._replace_held()
         except BaseException:
             self.__exit__(None, None, None)
             raise
@@ -119,9 +78,43 @@ class Guard:
             setattr(owner, name, original)
         self._replaced.clear()
 
-    def during(self, node: str, handler: str) -> AbstractContextManager[None]:
-        """Block for the time of one handler of `node`."""
-        return _during(self, node, handler)
+    @contextmanager
+    def during(self, node: str, handler: str) -> Iterator[None]:
+        """Block for the time of one handler of `node`. What it touches is refused, and forgotten at the end."""
+        self.enter(node, handler)
+        try:
+            yield
+        finally:
+            self.node = self._violation = None
+
+    @contextmanager
+    def strictly(self, node: str, handler: str) -> Iterator[None]:
+        """Block like `during`, and raise at the end if the handler swallowed a refusal.
+
+        Raises:
+            Nondeterministic: see there.
+        """
+        self.enter(node, handler)
+        try:
+            yield
+        finally:
+            self.leave()
+
+    def enter(self, node: str, handler: str) -> None:
+        """Begin to block; `leave` is to follow."""
+        self.handler = handler
+        self.node = node
+
+    def leave(self) -> None:
+        """End blocking.
+
+        Raises:
+            Nondeterministic: the handler touched something, and swallowed the error.
+        """
+        self.node = None
+        if self._violation is not None:
+            violation, self._violation = self._violation, None
+            raise violation
 
     def refuse(self, what: str) -> None:
         """Raise if a handler runs on this thread now.
@@ -129,125 +122,125 @@ class Guard:
         Raises:
             Nondeterministic: naming the service, its handler and `what` it did.
         """
-        if self.node is not None and threading.get_ident() == self.thread:
-            node, self.node = self.node, None
-            raise Nondeterministic(
-                f"service '{node}' called {what} in handler '{self.handler}': a replay could not repeat that; "
-                "use the logical time `now`, the configuration, or a generator seeded from it"
-            )
-
-    def _plan(self) -> Iterator[tuple[tuple[Any, str], object]]:
-        for module, names in ((time, _CLOCKS), (random, _RANDOM), (np.random, _LEGACY)):
-            for name in names:
-                yield (module, name), self._blocked(module.__name__, name, getattr(module, name))
-        for module, name in (
-            (os, "urandom"),
-            (os, "getenv"),
-            (uuid, "uuid1"),
-            (uuid, "uuid4"),
-            (secrets, "token_bytes"),
-        ):
-            yield (module, name), self._blocked(module.__name__, name, getattr(module, name))
-        environment = type(os.environ)
-        yield (environment, "__getitem__"), self._blocked("os", "environ", environment.__getitem__)
-        yield (np.random, "default_rng"), self._seeded("numpy.random.default_rng", np.random.default_rng)
-        yield (random, "Random"), _guarded_random(self)
+        if self.node is None or threading.get_ident() != self._thread:
+            return
+        node, self.node = self.node, None  # making the error must not be refused
+        self._violation = self._violation or Nondeterministic(
+            f"service '{node}' called {what} in handler '{self.handler}': a replay could not repeat that; "
+            "use the logical time `now`, the configuration, or a generator seeded from it"
+        )
+        self.node = node
+        raise self._violation
 
     def _replace(self, owner: Any, name: str, replacement: object) -> None:
-        self._replaced.append((owner, name, getattr(owner, name)))
+        self._replaced.append((owner, name, vars(owner)[name]))
         setattr(owner, name, replacement)
 
-    def _replace_imported(self) -> None:
-        """Replace what guarded modules hold by `from time import time` and the like.
+    def _replace_held(self) -> None:
+        """Replace what guarded modules, and classes in them, hold by `from time import time` and the like.
 
         datetime's classes are replaced only here: other libraries compare them by identity.
         """
-        now = {id(original): getattr(owner, name) for owner, name, original in self._replaced}
-        moments = _guarded_datetime(self), _guarded_date(self)
-        now |= {id(datetime.datetime): moments[0], id(datetime.date): moments[1]}
-        now[id(datetime)] = _like_datetime(*moments)
-        for module in [m for m in sys.modules.values() if isinstance(m, ModuleType)]:
+        now = {id(original): vars(owner)[name] for owner, name, original in self._replaced}
+        now |= {id(datetime.datetime): _Datetime, id(datetime.date): _Date, id(datetime): _like_datetime()}
+        for module in [one for one in sys.modules.values() if isinstance(one, ModuleType)]:
             if module.__name__.split(".")[0] not in _GUARDED_PACKAGES and not hasattr(module, "__guarded__"):
                 continue
-            for name, value in list(vars(module).items()):
-                if id(value) in now and not name.startswith("__"):
-                    self._replace(module, name, now[id(value)])
-
-    def _blocked(self, module: str, name: str, original: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*args: Any, **kwargs: Any) -> Any:
-            self.refuse(f"{module}.{name}")
-            return original(*args, **kwargs)
-
-        return call
-
-    def _seeded(self, name: str, original: Callable[..., Any]) -> Callable[..., Any]:
-        def call(seed: Any = None) -> Any:
-            if seed is None:
-                self.refuse(f"{name}() without a seed")
-            return original(seed)
-
-        return call
+            classes = [
+                value
+                for value in vars(module).values()
+                if isinstance(value, type) and value.__module__ == module.__name__
+            ]
+            for owner in (module, *classes):
+                for name, value in list(vars(owner).items()):
+                    if id(value) in now and not name.startswith("__"):
+                        self._replace(owner, name, now[id(value)])
 
 
-@contextmanager
-def _during(guard: Guard, node: str, handler: str) -> Iterator[None]:
-    guard.node, guard.handler = node, handler
-    try:
-        yield
-    finally:
-        guard.node = None
+def _refuse(what: str) -> None:
+    # Whichever guard is open now: what was imported under an earlier one still holds that one's functions.
+    if _active is not None:
+        _active.refuse(what)
 
 
-def _guarded_random(guard: Guard) -> type[random.Random]:
-    class Random(random.Random):
-        def __init__(self, x: Any = None) -> None:
-            if x is None:
-                guard.refuse("random.Random() without a seed")
-            super().__init__(x)
+def _plan() -> Iterator[tuple[Any, str, object]]:
+    """Return (owner, name, replacement) of everything that is replaced for all the process."""
+    for owner, name in forbidden.functions():
+        yield owner, name, _blocked(owner.__name__, name, vars(owner)[name])
+    environment = type(os.environ)
+    for name in ("__getitem__", "__iter__", "__len__"):
+        yield environment, name, _blocked("os", "environ", getattr(environment, name))
+    yield np.random, "default_rng", _seeded("numpy.random.default_rng", np.random.default_rng)
+    yield np.random.mtrand, "_rand", forbidden.SharedGenerator(np.random.mtrand._rand, _refuse)
+    yield random, "Random", _Random
+    yield uuid, "uuid1", _blocked("uuid", "uuid1", uuid.uuid1)
+    yield uuid, "uuid4", _blocked("uuid", "uuid4", uuid.uuid4)
 
-    return Random
+
+def _blocked(module: str, name: str, original: Callable[..., Any]) -> Callable[..., Any]:
+    def call(*args: Any, **kwargs: Any) -> Any:
+        _refuse(f"{module}.{name}")
+        return original(*args, **kwargs)
+
+    return call
 
 
-_datetime = datetime.datetime
-_date = datetime.date
+def _seeded(name: str, original: Callable[..., Any]) -> Callable[..., Any]:
+    def call(seed: Any = None) -> Any:
+        if seed is None:
+            _refuse(f"{name}() without a seed")
+        return original(seed)
+
+    return call
 
 
-def _like_datetime(moment: type, day: type) -> ModuleType:
-    """Return a module like datetime with these classes in it."""
+class _Alike(type):
+    """Makes `isinstance` and `issubclass` of a guarded class answer as the original class would."""
+
+    def __instancecheck__(cls, value: object) -> bool:
+        return isinstance(value, cls.__mro__[1])
+
+    def __subclasscheck__(cls, other: type) -> bool:
+        return issubclass(other, cls.__mro__[1])
+
+
+class _Random(random.Random, metaclass=_Alike):
+    def __init__(self, x: Any = None) -> None:
+        if x is None:
+            _refuse("random.Random() without a seed")
+        super().__init__(x)
+
+
+class _Datetime(datetime.datetime, metaclass=_Alike):
+    @classmethod
+    def now(cls, tz: datetime.tzinfo | None = None) -> _Datetime:
+        _refuse("datetime.now")
+        return super().now(tz)
+
+    @classmethod
+    def utcnow(cls) -> _Datetime:
+        _refuse("datetime.utcnow")
+        return super().now(datetime.UTC).replace(tzinfo=None)
+
+    @classmethod
+    def today(cls) -> _Datetime:
+        _refuse("datetime.today")
+        return super().now()
+
+
+class _Date(datetime.date, metaclass=_Alike):
+    @classmethod
+    def today(cls) -> _Date:
+        _refuse("date.today")
+        return super().today()
+
+
+def _like_datetime() -> ModuleType:
+    """Return a module like datetime with the guarded classes in it."""
     module = ModuleType("datetime")
     vars(module).update({k: v for k, v in vars(datetime).items() if not k.startswith("__")})
-    module.datetime, module.date = moment, day  # type: ignore[attr-defined]
+    module.datetime, module.date = _Datetime, _Date  # type: ignore[attr-defined]
     return module
-
-
-def _guarded_datetime(guard: Guard) -> type[datetime.datetime]:
-    class Datetime(_datetime):
-        @classmethod
-        def now(cls, tz: datetime.tzinfo | None = None) -> Datetime:
-            guard.refuse("datetime.now")
-            return super().now(tz)
-
-        @classmethod
-        def utcnow(cls) -> Datetime:
-            guard.refuse("datetime.utcnow")
-            return super().now(datetime.UTC).replace(tzinfo=None)
-
-        @classmethod
-        def today(cls) -> Datetime:
-            guard.refuse("datetime.today")
-            return super().now()
-
-    return Datetime
-
-
-def _guarded_date(guard: Guard) -> type[datetime.date]:
-    class Date(_date):
-        @classmethod
-        def today(cls) -> Date:
-            guard.refuse("date.today")
-            return super().today()
-
-    return Date
 
 
 _audit_installed = False

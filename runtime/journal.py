@@ -16,7 +16,7 @@ from itertools import pairwise
 from runtime.messages import EntryKind, Journal
 from runtime.time import Time
 
-_HEAD = struct.Struct("<BQq")
+_HEAD = struct.Struct("<BQqH")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,8 @@ class Entry:
 
 def chain(before: int, kind: int, name: str, sequence: int, time: Time, payload: bytes) -> int:
     """Return the digest of an entry that follows the digest `before`."""
-    head = zlib.crc32(_HEAD.pack(kind, sequence, time) + name.encode(), before)
+    text = name.encode()
+    head = zlib.crc32(_HEAD.pack(kind, sequence, time, len(text)) + text, before)
     return zlib.crc32(payload, head)
 
 

@@ -6,7 +6,8 @@ when; a node never does. The same node therefore behaves the same in every mode.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -91,6 +92,8 @@ class Node:
             source: getattr(service, method) for source, method in self.contract.handlers.items()
         }
         self._log = topics.log(self.name).name
+        self._types = {name: output.topic.message for name, output in self.contract.outputs.items()}
+        self._types[self._log] = topics.log(self.name).message
         self._kinds = {name: source.topic.message for name, source in self.contract.inputs.items()}
         self._periods = {
             name: nanoseconds(timer.seconds(service.config)) for name, timer in self.contract.timers.items()
@@ -111,13 +114,9 @@ class Node:
         Raises:
             BadSnapshot: its bytes do not fit this service.
         """
-        self.host = state.decode(HostState, snapshot.host)
-        latest = {}
-        for topic, payload in self.host.latest.items():
-            if topic not in self._kinds:
-                raise state.BadSnapshot(f"snapshot of '{self.name}' has an input '{topic}' that it does not know")
-            latest[topic] = _parse(self._kinds[topic], payload, topic)
-        self.service.restore(snapshot.service, latest)
+        if snapshot.node != self.name:
+            raise state.BadSnapshot(f"a snapshot of '{snapshot.node}' is none of '{self.name}'")
+        self._restore(snapshot.service, snapshot.host)
         self.journal = JournalWriter(self.name, first=snapshot.entry + 1, digest=snapshot.digest)
 
     def due(self) -> list[tuple[Time, str]]:
@@ -171,7 +170,12 @@ class Node:
         return [*samples, Sample(topics.reply(self.name).name, self._number("reply"), finish, payload)]
 
     def take_snapshot(self, now: Time) -> Sample:
-        """Return the node's whole state. Taking one is an event of the service's life like any other."""
+        """Return the node's whole state, and go on from it.
+
+        Taking a snapshot is an event of the service's life like any other. The service takes up what it gave, so
+        that one that goes on and one that is restored cannot differ in what a snapshot does not keep: a 0 where
+        a 0.0 is declared, two names for one array, the order of a dict.
+        """
         self.host.snapshots += 1
         service = self._frozen()
         snapshot = Snapshot(
@@ -182,6 +186,7 @@ class Node:
             service=service,
             host=state.encode(self.host),
         )
+        self._restore(snapshot.service, snapshot.host)
         self.journal.add(_SNAPSHOT, "", snapshot.number, now, snapshot.service + snapshot.host)
         snapshot.digest = self.journal.digest
         payload = snapshot.SerializeToString(deterministic=True)
@@ -202,28 +207,40 @@ class Node:
     def _run(self, source: str, handler: Callable[..., Any], *args: object) -> tuple[list[_Out], list[Answer]]:
         """Run one handler. Messages are encoded as they are yielded: a handler may change its own afterwards."""
         guard = self._guard
-        if guard is not None:
-            guard.handler = self.contract.handlers.get(source, source)
-            guard.node = self.name
+        if guard is None:
+            return self._collect(source, handler(*args))
+        guard.enter(self.name, self.contract.handlers.get(source, source))
         try:
-            outs: list[_Out] = []
-            answers: list[Answer] = []
-            for effect in handler(*args) or ():
-                if isinstance(effect, Publication):
-                    outs.append(self._encode(effect, source))
-                elif isinstance(effect, Answer):
-                    answers.append(effect)
-                else:
-                    raise BadHandler(f"service '{self.name}' yielded {effect!r} in the handler of '{source}'")
-            return outs, answers
+            return self._collect(source, handler(*args))
         finally:
-            if guard is not None:
-                guard.node = None
+            guard.leave()
+
+    def _collect(self, source: str, effects: object) -> tuple[list[_Out], list[Answer]]:
+        outs: list[_Out] = []
+        answers: list[Answer] = []
+        if effects is None:
+            return outs, answers
+        if not isinstance(effects, Iterable) or isinstance(effects, Publication | Answer | Message | str | bytes):
+            raise BadHandler(
+                f"service '{self.name}' returned {effects!r:.200} from the handler of '{source}': yield it"
+            )
+        for effect in effects:
+            if isinstance(effect, Publication):
+                outs.append(self._encode(effect, source))
+            elif isinstance(effect, Answer) and source in self.contract.requests:
+                answers.append(effect)
+            else:
+                raise BadHandler(f"service '{self.name}' yielded {effect!r:.200} in the handler of '{source}'")
+        return outs, answers
 
     def _encode(self, effect: Publication, source: str) -> _Out:
         topic = effect.topic
         if topic not in self.contract.outputs and topic != self._log:
             raise BadHandler(f"service '{self.name}' published '{topic}', which it does not declare")
+        if not isinstance(effect.message, self._types[topic]):
+            kind = type(effect.message).__name__
+            expected = self._types[topic].__name__
+            raise BadHandler(f"service '{self.name}' published as '{topic}' a {kind}, expected {expected}")
         bad = nonfinite(effect.message)
         if bad is not None:
             raise BadHandler(
@@ -240,11 +257,24 @@ class Node:
         return samples
 
     def _frozen(self) -> bytes:
-        guard = self._guard
-        if guard is None:
+        with self._guarded("snapshot"):
             return self.service.snapshot()
-        with guard.during(self.name, "snapshot"):
-            return self.service.snapshot()
+
+    def _restore(self, service: bytes, host: bytes) -> None:
+        self.host = state.decode(HostState, host)
+        latest = {}
+        for topic, payload in self.host.latest.items():
+            if topic not in self._kinds:
+                raise state.BadSnapshot(f"snapshot of '{self.name}' has an input '{topic}' that it does not know")
+            try:
+                latest[topic] = _parse(self._kinds[topic], payload, topic)
+            except BadMessage as error:
+                raise state.BadSnapshot(f"snapshot of '{self.name}': {error}") from error
+        with self._guarded("restore"):
+            self.service.restore(service, latest)
+
+    def _guarded(self, what: str) -> AbstractContextManager[None]:
+        return nullcontext() if self._guard is None else self._guard.strictly(self.name, what)
 
     def _number(self, topic: str) -> int:
         number = self.host.produced[topic] = self.host.produced.get(topic, 0) + 1

@@ -19,13 +19,16 @@ from runtime.errors import PushlaneError
 from runtime.messages import Request
 from runtime.node import Node, Sample
 from runtime.time import MILLISECOND, SECOND, Time
-from runtime.topics import Delivery
+from runtime.topics import TOPICS, Delivery
 
 Sink = Callable[[Sample], None]
 _Work = Callable[[Node, Time, Time], list[Sample]]
 
-_MESSAGE, _TIMER, _SNAPSHOT, _FLUSH = range(4)
+_SEND, _MESSAGE, _TIMER, _SNAPSHOT, _FLUSH = range(5)
 _WAKE = _MESSAGE
+
+# Stands in for mapping and tracker until those exist.
+_MAY_SEE_TRUTH = ("perception",)
 
 
 class BadSystem(PushlaneError):
@@ -63,6 +66,7 @@ class _Seat:
     inbox: deque[tuple[_Work, str | None]] = field(default_factory=deque)
     free_at: Time = 0
     dropped: int = 0
+    waking: bool = False
 
 
 class Scheduler:
@@ -82,14 +86,18 @@ class Scheduler:
         self.now = start
         self._timing = timing or Timing()
         self._sink = sink
-        self._seats = {
-            node.name: _Seat(node, index, self._timing.duration.get(node.name, 0)) for index, node in enumerate(nodes)
-        }
+        self._seats: dict[str, _Seat] = {}
+        for index, node in enumerate(nodes):
+            if node.name in self._seats:
+                raise BadSystem(f"two services are called '{node.name}'")
+            self._seats[node.name] = _Seat(node, index, self._timing.duration.get(node.name, 0))
+        self._check_timing()
         self._queue: list[tuple[Time, int, int, int, Callable[[], None]]] = []
         self._count = 0
         self._requests = 0
         self._listeners = self._connect()
         self._stopped = False
+        self._unsent: dict[int, list[Sample]] = {}
         for seat in self._seats.values():
             seat.free_at = start
             for sample in seat.node.begin(start):
@@ -144,7 +152,14 @@ class Scheduler:
         self._stopped = True
 
     def finish(self) -> None:
-        """Write out what the journals still hold. Call once, after the last `run`."""
+        """Write out what handlers have given but not sent yet, and what the journals still hold.
+
+        Call once, after the last `run`.
+        """
+        for samples in self._unsent.values():
+            for sample in samples:
+                self._sink(sample)
+        self._unsent.clear()
         for seat in self._seats.values():
             self._flush(seat)
 
@@ -155,21 +170,41 @@ class Scheduler:
 
     def _connect(self) -> dict[str, list[tuple[_Seat, Time, bool]]]:
         publishers: dict[str, str] = {}
+        answerers: dict[str, str] = {}
         listeners: dict[str, list[tuple[_Seat, Time, bool]]] = {}
         for name, seat in self._seats.items():
             for topic in seat.node.contract.outputs:
                 if topic in publishers:
                     raise BadSystem(f"topic '{topic}' has two publishers: '{publishers[topic]}' and '{name}'")
                 publishers[topic] = name
+            for request in seat.node.contract.requests:
+                if request in answerers:
+                    raise BadSystem(f"request '{request}' is answered by '{answerers[request]}' and '{name}'")
+                answerers[request] = name
             for topic, source in seat.node.contract.inputs.items():
+                if source.topic.scoring_only and name not in _MAY_SEE_TRUTH:
+                    raise BadSystem(f"service '{name}' subscribes to '{topic}', which is for scoring only")
                 latest = source.delivery is Delivery.LATEST
                 latency = self._timing.link(topic, name)
                 listeners.setdefault(topic, []).append((seat, latency, latest))
-        named = {node for _, node in self._timing.latency} - {"*"} | set(self._timing.duration)
-        unknown = sorted(named - set(self._seats))
+        return listeners
+
+    def _check_timing(self) -> None:
+        timing = self._timing
+        for topic, node in timing.latency:
+            if topic not in TOPICS:
+                raise BadSystem(f"timing names a topic '{topic}'; there are {', '.join(TOPICS)}")
+            if node not in ("*", *self._seats):
+                raise BadSystem(f"timing names a service '{node}'; there are {', '.join(self._seats)}")
+        unknown = sorted(set(timing.duration) - set(self._seats))
         if unknown:
             raise BadSystem(f"timing names a service '{unknown[0]}'; there are {', '.join(self._seats)}")
-        return listeners
+        for what, value in (*timing.latency.items(), *timing.duration.items()):
+            if value < 0:
+                raise BadSystem(f"timing of {what} is {value} ns, expected 0 or more")
+        for what, value in (("snapshot", timing.snapshot_period), ("journal", timing.journal_period)):
+            if value <= 0:
+                raise BadSystem(f"the {what} period is {value} ns, expected more than 0")
 
     def _at(self, time: Time, rank: int, order: int, event: Callable[[], None]) -> None:
         self._count += 1
@@ -196,6 +231,17 @@ class Scheduler:
             for seat, latency, latest in self._listeners.get(sample.topic, ()):
                 self._send_to(seat, sample, sample.time + latency, latest)
 
+    def _send_at(self, samples: list[Sample], time: Time) -> None:
+        """Send now, or when the handler that gave them is through."""
+        if time <= self.now:
+            self._send(samples)
+        elif samples:
+            self._unsent[self._count + 1] = samples
+            self._at(time, _SEND, 0, self._send_later(self._count + 1))
+
+    def _send_later(self, key: int) -> Callable[[], None]:
+        return lambda: self._send(self._unsent.pop(key))
+
     def _send_to(self, seat: _Seat, sample: Sample, time: Time, latest: bool) -> None:
         def arrive() -> None:
             self._deliver(
@@ -210,27 +256,32 @@ class Scheduler:
         if seat.free_at <= self.now and not seat.inbox:
             self._work(seat, work)
             return
-        if replaces is not None:
-            for index, (_, topic) in enumerate(seat.inbox):
-                if topic == replaces:
-                    del seat.inbox[index]
-                    seat.dropped += 1
-                    break
-        if not seat.inbox:
-            self._at(seat.free_at, _WAKE, 0, lambda: self._wake(seat))
+        waiting = [topic for _, topic in seat.inbox] if replaces is not None else []
+        if replaces in waiting:
+            # In the place of the old one: at the back of the queue a busy service would never come to it.
+            seat.inbox[waiting.index(replaces)] = (work, replaces)
+            seat.dropped += replaces in seat.node.contract.inputs
+            return
         seat.inbox.append((work, replaces))
+        self._wake_later(seat)
+
+    def _wake_later(self, seat: _Seat) -> None:
+        if not seat.waking:
+            seat.waking = True
+            self._at(max(seat.free_at, self.now), _WAKE, 0, lambda: self._wake(seat))
 
     def _wake(self, seat: _Seat) -> None:
+        seat.waking = False
         while seat.inbox and seat.free_at <= self.now:
             work, _ = seat.inbox.popleft()
             self._work(seat, work)
         if seat.inbox:
-            self._at(seat.free_at, _WAKE, 0, lambda: self._wake(seat))
+            self._wake_later(seat)
 
     def _work(self, seat: _Seat, work: _Work) -> None:
         finish = self.now + seat.duration
         seat.free_at = finish
-        self._send(work(seat.node, self.now, finish))
+        self._send_at(work(seat.node, self.now, finish), finish)
 
     def _snapshot_all(self) -> None:
         def snapshot(node: Node, now: Time, _: Time) -> list[Sample]:

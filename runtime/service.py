@@ -205,6 +205,9 @@ def _read_contract(cls: type[Service]) -> Contract:
     names = {id(value): value.topic.name for value in inputs}
     names |= {id(value): value.name for value in requests}
     names |= {id(value): name for name, value in timers.items()}
+    clash = sorted(set(timers) & ({value.topic.name for value in inputs} | {value.name for value in requests}))
+    if clash:
+        raise BadService(f"{cls.__name__}: timer '{clash[0]}' is called like a topic or a request")
     handlers: dict[str, str] = {}
     # A method that overrides a handler handles the same source.
     sources = {

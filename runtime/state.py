@@ -2,23 +2,38 @@
 
 Beyond what msgspec knows by itself a state may hold numpy arrays, protobuf messages and seeded numpy
 generators. The types come from the annotations of the state class, never from the bytes, so that a snapshot
-cannot make the reader run anything.
+cannot make the reader run anything. Sets are refused: their order is not the same in another process.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import re
+from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any, TypeVar, get_origin
 
 import msgspec
 import numpy as np
 from google.protobuf.message import DecodeError, Message
+from msgspec import inspect
 
 from runtime.errors import PushlaneError
 
 S = TypeVar("S")
 
-_GENERATOR_WORDS = 4
+_GENERATOR_BYTES = (16, 16, 1, 4)  # state, increment, whether half a draw is kept, that half
+_PLAIN_DTYPE = re.compile(r"[<>|=][biufcSU][0-9]{1,9}|[<>|=][mM]8(\[[0-9]*[a-zA-Z]+\])?")
+_DAMAGE = (
+    msgspec.MsgspecError,
+    DecodeError,
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    RecursionError,
+    OverflowError,
+)
 
 
 class BadSnapshot(PushlaneError):
@@ -26,12 +41,21 @@ class BadSnapshot(PushlaneError):
 
 
 def encode(state: object) -> bytes:
-    """Return `state` as MessagePack.
+    """Return `state` as MessagePack, with the name of its class.
+
+    The bytes are those that the decoded state would give: a 0 in a float field is written as 0.0.
 
     Raises:
         TypeError: a field's type cannot be snapshotted; this is a mistake in the service.
     """
-    return msgspec.msgpack.encode(state, enc_hook=_encode_special, order="deterministic")
+    _refuse_sets(type(state))  # type: ignore[arg-type]
+    name = type(state).__qualname__
+    data = msgspec.msgpack.encode(state, enc_hook=_encode_special)
+    try:
+        clean = msgspec.msgpack.decode(data, type=type(state), dec_hook=_decode_special)
+    except _DAMAGE as error:
+        raise TypeError(f"a {name} holds what its annotations do not allow: {error}") from error
+    return msgspec.msgpack.encode((name, clean), enc_hook=_encode_special)
 
 
 def decode(kind: type[S], data: bytes) -> S:
@@ -41,13 +65,41 @@ def decode(kind: type[S], data: bytes) -> S:
         BadSnapshot: `data` is damaged or of another class; the message names the field.
     """
     try:
-        return msgspec.msgpack.decode(data, type=kind, dec_hook=_decode_special)
-    except (msgspec.MsgspecError, DecodeError, ValueError, KeyError, IndexError, TypeError) as error:
-        raise BadSnapshot(f"snapshot is no {kind.__name__}: {error}") from error
+        name, state = msgspec.msgpack.decode(data, type=tuple[str, kind], dec_hook=_decode_special)  # type: ignore[valid-type]
+    except _DAMAGE as error:
+        raise BadSnapshot(f"snapshot is no {kind.__qualname__}: {error}") from error
+    if name != kind.__qualname__:
+        raise BadSnapshot(f"snapshot is no {kind.__qualname__} but a {name[:80]}")
+    return state
+
+
+@cache
+def _refuse_sets(kind: type) -> None:
+    for found in _walk(inspect.type_info(kind), set()):
+        if isinstance(found, inspect.SetType | inspect.FrozenSetType):
+            raise TypeError(f"{kind.__qualname__} holds a set; its order would differ between processes: use a list")
+
+
+def _walk(found: object, seen: set[type]) -> Iterator[object]:
+    yield found
+    if isinstance(found, inspect.DataclassType | inspect.StructType | inspect.NamedTupleType | inspect.TypedDictType):
+        cls = getattr(found, "cls", type(found))
+        if cls in seen:
+            return
+        seen.add(cls)
+        inner = [field.type for field in found.fields]
+    else:
+        names = ("item_type", "key_type", "value_type")
+        inner = [getattr(found, name) for name in names if hasattr(found, name)]
+        inner += [*getattr(found, "item_types", ()), *getattr(found, "types", ())]
+    for one in inner:
+        yield from _walk(one, seen)
 
 
 def _encode_special(value: object) -> object:
     if isinstance(value, np.ndarray):
+        if not _PLAIN_DTYPE.fullmatch(value.dtype.str):
+            raise TypeError(f"a state cannot hold an array of {value.dtype}; use plain numbers or text")
         return [value.dtype.str, list(value.shape), value.tobytes()]
     if isinstance(value, Message):
         return value.SerializeToString(deterministic=True)
@@ -65,8 +117,15 @@ def _decode_special(kind: type, value: object) -> object:
 
 
 def _decode_array(_: type, value: Any) -> object:
-    dtype, shape, data = value
-    return np.frombuffer(data, dtype).reshape(shape).copy()
+    name, shape, data = value
+    if not isinstance(name, str) or not _PLAIN_DTYPE.fullmatch(name):
+        raise ValueError(f"no plain dtype: {name!r:.80}")
+    dtype = np.dtype(name)
+    if not all(type(size) is int and size >= 0 for size in shape) or not isinstance(data, bytes):
+        raise ValueError(f"no shape: {shape!r:.80}")
+    if math.prod(shape) * dtype.itemsize != len(data):
+        raise ValueError(f"{len(data)} bytes are no array of {name} with shape {shape!r:.80}")
+    return np.ndarray(shape, dtype, buffer=data).copy() if data else np.empty(shape, dtype)
 
 
 def _decode_message(kind: type, value: Any) -> object:
@@ -80,13 +139,15 @@ def _generator_words(generator: np.random.Generator) -> list[bytes]:
     if state["bit_generator"] != "PCG64":
         raise TypeError(f"a state's generator is to be a PCG64, not a {state['bit_generator']}")
     numbers = (state["state"]["state"], state["state"]["inc"], state["has_uint32"], state["uinteger"])
-    return [int(number).to_bytes(16, "little") for number in numbers]
+    return [int(n).to_bytes(size, "little") for n, size in zip(numbers, _GENERATOR_BYTES, strict=True)]
 
 
 def _decode_generator(_: type, value: Any) -> object:
+    if not isinstance(value, list) or [len(word) for word in value] != list(_GENERATOR_BYTES):
+        raise ValueError("no words of a generator")
     words = [int.from_bytes(word, "little") for word in value]
-    if len(words) != _GENERATOR_WORDS:
-        raise ValueError(f"a generator has {_GENERATOR_WORDS} words, not {len(words)}")
+    if words[2] > 1:
+        raise ValueError(f"has_uint32 of a generator is {words[2]}")
     bits = np.random.PCG64(0)
     bits.state = {
         "bit_generator": "PCG64",

@@ -80,7 +80,7 @@ def test_a_failed_push_exits_with_1_and_is_kept(tmp_path: Path) -> None:
         (["--object", "elephant"], "no object is called 'elephant'; known are"),
         (["--strategy", "brave"], "no strategy is called 'brave'; expected one of strict, relaxed"),
         (["--controller", "brave"], "no controller is called 'brave'; expected one of adaptive"),
-        (["--goal", "nan", "1"], "--goal: sim.goal: expected a finite number (found nan)"),
+        (["--goal", "nan", "1"], "--goal: sim.goal[0]: expected a finite number (found nan)"),
         (["--seed", "-1"], "--seed: sim.seed: expected `int` >= 0"),
         (["--set", "controller.sped=1"], "--set: controller.sped: no such key; did you mean 'speed'?"),
         (["--set", "controller.speed=fast"], "--set: controller.speed: expected `float`, got `str` (found 'fast')"),

@@ -5,6 +5,7 @@ A section is a `msgspec.Struct` with `forbid_unknown_fields`; ranges are `msgspe
 
 from __future__ import annotations
 
+import copy
 import difflib
 import math
 import re
@@ -98,9 +99,12 @@ def read_assignments(assignments: Sequence[str], origin: str = "--set") -> Layer
             if not isinstance(inner, dict):
                 raise ConfigError(f"{origin} {text}: '{part}' already has a value, so it has no keys")
         try:
-            inner[parts[-1]] = tomllib.loads(f"value = {value}")["value"]
+            found = tomllib.loads(f"value = {value}")
         except tomllib.TOMLDecodeError:
-            inner[parts[-1]] = value.strip()
+            found = {"value": value.strip()}
+        if len(found) != 1:
+            raise ConfigError(f"{origin} {text!r}: expected one value on one line")
+        inner[parts[-1]] = found["value"]
     return Layer(origin, values)
 
 
@@ -140,32 +144,63 @@ def _merge(into: Values, values: Values, origin: str, prefix: str, origins: dict
         if isinstance(value, dict) and isinstance(into.get(key, {}), dict):
             _merge(into.setdefault(key, {}), value, origin, f"{path}.", origins)
         else:
-            into[key] = value
+            into[key] = copy.deepcopy(value)
+            for known in [one for one in origins if one.startswith(f"{path}.")]:
+                del origins[known]
             origins[path] = origin
 
 
 def _explain(
-    error: msgspec.ValidationError,
-    section: str,
-    kind: type[msgspec.Struct],
-    values: Values,
-    origins: dict[str, str],
+    error: msgspec.ValidationError, section: str, kind: type[msgspec.Struct], values: Values, origins: dict[str, str]
 ) -> ConfigError:
     match = _AT.match(str(error))
     what, path = (match["what"], match["path"] or "") if match else (str(error), "")
+    if "[...]" in path:
+        path = _named(path, kind, values, str(error))
     key = f"{section}.{path}" if path else section
     unknown = _UNKNOWN.search(what)
     if unknown:
         key = f"{key}.{unknown['field']}"
         what = f"no such key{_hint(unknown['field'], _known_fields(kind, path))}"
     else:
-        found: Any = values
-        for part in path.split("."):
-            found = found.get(part) if isinstance(found, dict) else None
+        found = _at(values, path)
         what = what[:1].lower() + what[1:] + (f" (found {found!r})" if found is not None and path else "")
-    origin = next((origins[part] for part in _prefixes(key) if part in origins), None)
-    origin = origin or next((o for k, o in origins.items() if k.startswith(f"{key}.")), "default")
-    return ConfigError(f"{origin}: {key}: {what}")
+    return ConfigError(f"{_origin(key, origins)}: {key}: {what}")
+
+
+def _named(path: str, kind: type[msgspec.Struct], values: Values, text: str) -> str:
+    """Return `path` with the key of the dict that msgspec writes as [...], found by leaving the others out."""
+    before, _, after = path.partition("[...]")
+    items = _at(values, before)
+    for key, value in items.items() if isinstance(items, dict) else ():
+        alone = copy.deepcopy(values)
+        inner = _at(alone, before)
+        inner.clear()
+        inner[key] = value
+        try:
+            msgspec.convert(alone, kind)
+        except msgspec.ValidationError as error:
+            if str(error) == text:
+                return f"{before}.{key}{after}"
+    return path
+
+
+def _at(values: Any, path: str) -> Any:
+    """Return what `path` leads to, or None."""
+    for part in filter(None, re.split(r"\.|(?=\[)", path)):
+        if part.startswith("["):
+            index = part.strip("[]")
+            values = values[int(index)] if isinstance(values, list) and index.isdigit() else None
+        else:
+            values = values.get(part) if isinstance(values, dict) else None
+    return values
+
+
+def _origin(key: str, origins: dict[str, str]) -> str:
+    """Return where the value at `key` came from, or that of a key above or below it."""
+    plain = re.sub(r"\[[^]]*\]", "", key)
+    above = next((origins[part] for part in _prefixes(plain) if part in origins), None)
+    return above or next((origin for known, origin in origins.items() if known.startswith(f"{plain}.")), "default")
 
 
 def _known_fields(kind: type, path: str) -> list[str]:
@@ -186,14 +221,13 @@ def _hint(name: str, known: list[str]) -> str:
 
 def _refuse_nonfinite(value: object, key: str, origins: dict[str, str]) -> None:
     if isinstance(value, float) and not math.isfinite(value):
-        origin = next((origins[part] for part in _prefixes(key) if part in origins), "default")
-        raise ConfigError(f"{origin}: {key}: expected a finite number (found {value})")
+        raise ConfigError(f"{_origin(key, origins)}: {key}: expected a finite number (found {value})")
     if isinstance(value, dict):
         for name, inner in value.items():
             _refuse_nonfinite(inner, f"{key}.{name}", origins)
     if isinstance(value, list | tuple):
-        for inner in value:
-            _refuse_nonfinite(inner, key, origins)
+        for index, inner in enumerate(value):
+            _refuse_nonfinite(inner, f"{key}[{index}]", origins)
 
 
 def _prefixes(key: str) -> list[str]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
@@ -46,12 +45,17 @@ class Recorder:
         try:
             self._file = path.open("wb")
         except OSError as error:
-            raise CannotRecord(f"cannot write {path}: {error.strerror or error}") from error
+            raise self._cannot(error) from error
+        self._failure: OSError | None = None
         self._writer = Writer(self._file, compression=CompressionType.ZSTD, enable_data_crcs=True)
-        self._writer.start(profile="", library="pushlane")
-        self._writer.add_metadata(METADATA_NAME, header.metadata())
-        self._writer.add_attachment(0, 0, CONFIG_NAME, "application/json", config)
-        self._file.flush()
+        try:
+            self._writer.start(profile="", library="pushlane")
+            self._writer.add_metadata(METADATA_NAME, header.metadata())
+            self._writer.add_attachment(0, 0, CONFIG_NAME, "application/json", config)
+            self._file.flush()
+        except OSError as error:
+            self._abandon()
+            raise self._cannot(error) from error
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._viewer = ViewerChannels(self._writer)
@@ -75,44 +79,56 @@ class Recorder:
             CannotRecord: the disk is full, or the like.
         """
         with self._lock:
-            channel = self._channels.get(sample.topic) or self._register(sample.topic)
-            self._guarded(
-                lambda: self._writer.add_message(channel, sample.time, sample.payload, sample.time, sample.sequence)
-            )
+            if self._failure is not None:
+                raise self._cannot(self._failure)
+            try:
+                channel = self._channels.get(sample.topic) or self._register(sample.topic)
+                self._writer.add_message(channel, sample.time, sample.payload, sample.time, sample.sequence)
+                self._viewer.add(sample)
+            except OSError as error:
+                self._failure = error
+                raise self._cannot(error) from error
             self.count += 1
-            self._viewer.add(sample)
 
     def close(self) -> None:
-        """Write what is left, the index and the end of the file."""
+        """Write what is left, the index and the end of the file.
+
+        Raises:
+            CannotRecord: that could not be written, or something before it could not.
+        """
         if self._closing.is_set():
             return
         self._closing.set()
         self._thread.join()
         with self._lock:
             try:
-                self._guarded(self._finish)
-            finally:
+                if self._failure is not None:
+                    raise self._failure
+                self._writer.finish()
+                self._file.flush()
+                os.fsync(self._file.fileno())
                 self._file.close()
+            except OSError as error:
+                self._abandon()
+                raise self._cannot(error) from error
 
-    def _finish(self) -> None:
-        self._writer.finish()
-        self._file.flush()
-        os.fsync(self._file.fileno())
+    def _abandon(self) -> None:
+        """Close the file without writing what is still buffered: that has failed already."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+    def _cannot(self, error: OSError) -> CannotRecord:
+        return CannotRecord(f"cannot write {self.path}: {error.strerror or error}")
 
     def _keep_flushed(self) -> None:
         while not self._closing.wait(FLUSH_PERIOD):
-            with self._lock:
-                try:
+            try:
+                with self._lock:
                     self._writer.flush()
-                except OSError:
-                    return  # the next sample meets the same error and reports it
-            os.fsync(self._file.fileno())
-
-    def _guarded(self, work: Callable[[], Any]) -> None:
-        try:
-            work()
-        except OSError as error:
-            raise CannotRecord(f"cannot write {self.path}: {error.strerror or error}") from error
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                self._failure = error  # the next sample reports it
+                return
 
     def _register(self, topic: str) -> int:
         kind = message_type(topic)

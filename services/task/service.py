@@ -100,6 +100,9 @@ class TaskService(Service):
         goal.time_limit = request.time_limit or self.config.time_limit
         self.state = TaskState(goal=goal, accepted=now, seen=now)
         self.state.status.CopyFrom(PushStatus(goal_id=goal.id, phase=PushPhase.PLANNING))
+        if self.object is not None:
+            o, g = self.object.position, goal.position
+            self.state.status.distance_left = math.hypot(g.x - o.x, g.y - o.y)
         yield self.goal(goal)
         yield self.say(
             f"goal {goal.id} at ({goal.position.x:.2f}, {goal.position.y:.2f}) m accepted: "

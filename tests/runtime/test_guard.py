@@ -331,10 +331,9 @@ def test_freezing_is_guarded(guard: Guard) -> None:
 
 
 def test_thawing_is_guarded(guard: Guard) -> None:
-    node = Node(Thawer(Nothing(), "thaw"), guard)
-    snapshot = node.begin(0)[0]
+    snapshot = Node(Thawer(Nothing(), ""), guard).begin(0)[0]
     with pytest.raises(Nondeterministic, match="thawer"):
-        node.resume(Snapshot.FromString(snapshot.payload))
+        Node(Thawer(Nothing(), "thaw"), guard).resume(Snapshot.FromString(snapshot.payload))
 
 
 FORBIDDEN = {"time", "datetime", "random", "secrets", "uuid", "os", "socket", "threading", "subprocess", "platform"}

@@ -37,11 +37,13 @@ ROWS = st.lists(
 
 
 def digests_by_hand(rows: list[Row], before: int = 0) -> list[int]:
-    """CRC-32 by the book: kind, sequence and time little-endian, then the name, then the payload, chained."""
+    """CRC-32 by the book: kind, sequence, time, length of the name (little-endian), name, payload; chained."""
     found = []
     for row in rows:
         record = bytes([row.kind]) + struct.pack("<Q", row.sequence) + struct.pack("<q", row.time)
-        before = zlib.crc32(record + row.name.encode() + row.payload, before) & 0xFFFFFFFF
+        name = row.name.encode()
+        record += struct.pack("<H", len(name)) + name + row.payload
+        before = zlib.crc32(record, before) & 0xFFFFFFFF
         found.append(before)
     return found
 
@@ -81,8 +83,8 @@ def test_batches_give_back_what_was_written_with_the_chain_of_the_book(
 
 
 def test_the_first_digest_is_this_number() -> None:
-    # crc32(05 | 01 00.. | 0a 00.. | "scan" | "x"), computed with the polynomial 0xEDB88320 bit by bit.
-    record = b"\x05" + b"\x01" + bytes(7) + b"\x0a" + bytes(7) + b"scanx"
+    # crc32(05 | 01 00.. | 0a 00.. | 04 00 | "scan" | "x"), computed with the polynomial 0xEDB88320 bit by bit.
+    record = b"\x05" + b"\x01" + bytes(7) + b"\x0a" + bytes(7) + b"\x04\x00scanx"
     register = 0xFFFFFFFF
     for byte in record:
         register ^= byte

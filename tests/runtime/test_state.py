@@ -240,7 +240,7 @@ def test_a_snapshot_of_another_class_is_refused_even_if_all_fields_have_defaults
 
 def test_the_wrong_kind_of_field_is_named() -> None:
     with pytest.raises(state.BadSnapshot, match=r"number"):
-        state.decode(Whole, msgspec.msgpack.encode({"number": "seven"}))
+        state.decode(Whole, msgspec.msgpack.encode(("Whole", {"number": "seven"})))
 
 
 def intact_or_refused(kind: type[object], data: bytes) -> None:
