@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import json
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from runtime.cli.options import Assignments, ConfigFile, layers
+
+
+class Mode(StrEnum):
+    """Where the services of a simulated push run."""
+
+    LOCAL = "local"
+    LOCKSTEP = "lockstep"
+
 
 experiment = typer.Typer(no_args_is_help=True, help="Run many pushes and print figures with their intervals.")
 
@@ -45,6 +54,9 @@ def sim(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE.mcap", help="Record the session here.")
     ] = None,
+    mode: Annotated[
+        Mode, typer.Option(help="local: all services in this process; lockstep: each in its own, stepped over Zenoh.")
+    ] = Mode.LOCAL,
     config: ConfigFile = None,
     assignments: Assignments = None,
     list_: Annotated[
@@ -78,7 +90,9 @@ def sim(
     }
     options = [Layer(flag, {"sim": {key: value}}) for flag, (key, value) in given.items() if value not in (None, "")]
     session = prepare([*layers(config, assignments), *options])
-    delivered = watching.show(session, output, as_json=as_json, terminal=sys.stdout.isatty())
+    delivered = watching.show(
+        session, output, as_json=as_json, terminal=sys.stdout.isatty(), lockstep=mode is Mode.LOCKSTEP
+    )
     raise typer.Exit(0 if delivered else 1)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -16,7 +16,7 @@ from drivers.sapien import objects, scene
 from drivers.sapien.base import BaseModel
 from runtime import registry
 from runtime.config.layers import ConfigError, Effective, Layer, effective
-from runtime.local import PushResult, push
+from runtime.local import PushResult, push, push_nodes
 from runtime.messages import PushGoal, PushStatus, Vector2
 from runtime.recorder import header
 from runtime.recorder.writer import Recorder
@@ -25,6 +25,9 @@ from runtime.service import Service
 from runtime.time import Time
 from runtime.timing import TimingConfig
 from services.names import CONTROLLERS, STRATEGIES
+
+if TYPE_CHECKING:
+    from runtime.lockstep.run import Spread
 
 NODES = ("driver", "perception", "corridor", "strategy", "learner", "controller", "task")
 """In scheduling order: it breaks ties between timers."""
@@ -111,20 +114,26 @@ def run(
     watch: Callable[[Time, PushStatus], None] | None = None,
     sinks: Sequence[Sink] = (),
     guarded: bool = True,
+    lockstep: Spread | None = None,
 ) -> PushResult:
-    """Run the push of `session`, recording it to `record` if given.
+    """Run the push of `session`, recording it to `record` if given; in other processes if `lockstep` says where.
 
     Raises:
         CannotRecord, GoalRefused, BadSystem: see there.
     """
     timing = session.effective.sections["timing"]
     assert isinstance(timing, TimingConfig)
-    services = session.services()
     with ExitStack() as stack:
         if record is not None:
-            head = header.of_this_machine("local", session.sim.seed, list(NODES))
+            mode = "local" if lockstep is None else "lockstep"
+            head = header.of_this_machine(mode, session.sim.seed, list(NODES))
             sinks = [stack.enter_context(Recorder(record, head, session.json())), *sinks]
-        return push(services, session.goal, sinks, timing.timing(), watch, guarded)
+        if lockstep is None:
+            return push(session.services(), session.goal, sinks, timing.timing(), watch, guarded)
+        from runtime.lockstep.run import workers
+
+        nodes = stack.enter_context(workers(session.effective.sections, NODES, lockstep))
+        return push_nodes(nodes, session.goal, sinks, timing.timing(), watch)
 
 
 def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:

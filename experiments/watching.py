@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.live import Live
@@ -18,6 +19,9 @@ from runtime.local import PushResult
 from runtime.messages import FailureCause, PushOutcome, PushPhase, PushStatus
 from runtime.time import Time, seconds
 
+if TYPE_CHECKING:
+    from runtime.lockstep.run import Spread
+
 _LINE_EVERY: Time = 5_000_000_000
 
 
@@ -25,7 +29,9 @@ class NoPath(PushlaneError):
     """There is no way to the goal; nothing was pushed and nothing is kept."""
 
 
-def run_shown(session: Session, record: Path | None, terminal: bool, quiet: bool) -> tuple[PushResult, float]:
+def run_shown(
+    session: Session, record: Path | None, terminal: bool, quiet: bool, lockstep: bool = False
+) -> tuple[PushResult, float]:
     """Run `session`, showing it. Returns the result and the s it took.
 
     Raises:
@@ -36,7 +42,7 @@ def run_shown(session: Session, record: Path | None, terminal: bool, quiet: bool
     with Live(console=console, refresh_per_second=8) if terminal and not quiet else nullcontext() as live:
         watch = _live(live, started) if live is not None else (None if quiet else _lines(started))
         try:
-            result = run(session, record, watch)
+            result = run(session, record, watch, lockstep=_spread() if lockstep else None)
         except PushlaneError:
             _discard(record)
             raise
@@ -46,9 +52,9 @@ def run_shown(session: Session, record: Path | None, terminal: bool, quiet: bool
     return result, time.perf_counter() - started
 
 
-def show(session: Session, record: Path | None, as_json: bool, terminal: bool) -> bool:
+def show(session: Session, record: Path | None, as_json: bool, terminal: bool, lockstep: bool = False) -> bool:
     """Run `session` and print what came of it. Returns whether the object was delivered."""
-    result, took = run_shown(session, record, terminal, quiet=as_json)
+    result, took = run_shown(session, record, terminal, quiet=as_json, lockstep=lockstep)
     facts = summary(session, result, took, record)
     if as_json:
         print(json.dumps(facts))
@@ -132,6 +138,12 @@ def _phase(status: PushStatus) -> str:
 
 def _ratio(now: Time, started: float) -> float:
     return seconds(now) / max(time.perf_counter() - started, 1e-9)
+
+
+def _spread() -> Spread:
+    from runtime.lockstep.run import on_this_machine
+
+    return on_this_machine()
 
 
 def _discard(record: Path | None) -> None:

@@ -10,7 +10,7 @@ from runtime.errors import PushlaneError
 from runtime.guard import Guard
 from runtime.messages import PushGoal, PushPhase, PushStatus, Reply
 from runtime.node import Node, Sample
-from runtime.scheduler import Scheduler, Sink, Timing
+from runtime.scheduler import Scheduler, Sink, Steppable, Timing
 from runtime.service import Service
 from runtime.time import MILLISECOND, SECOND, Time, nanoseconds
 
@@ -61,12 +61,21 @@ def push(
     Raises:
         GoalRefused: the task service refused, with its reason.
     """
-    run = _Run(tuple(sinks))
-    guard = Guard() if guarded else None
-    if guard is None:
-        return run.go(services, goal, timing, watch, None)
-    with guard:
-        return run.go(services, goal, timing, watch, guard)
+    if not guarded:
+        return push_nodes([Node(service, None) for service in services], goal, sinks, timing, watch)
+    with Guard() as guard:
+        return push_nodes([Node(service, guard) for service in services], goal, sinks, timing, watch)
+
+
+def push_nodes(
+    nodes: Sequence[Steppable],
+    goal: PushGoal,
+    sinks: Sequence[Sink] = (),
+    timing: Timing | None = None,
+    watch: Callable[[Time, PushStatus], None] | None = None,
+) -> PushResult:
+    """Run `nodes`, here or in other processes, until the push to `goal` has ended; otherwise as `push`."""
+    return _Run(tuple(sinks)).go(nodes, goal, timing, watch)
 
 
 class _Run:
@@ -81,13 +90,12 @@ class _Run:
 
     def go(
         self,
-        services: Sequence[Service],
+        nodes: Sequence[Steppable],
         goal: PushGoal,
         timing: Timing | None,
         watch: Callable[[Time, PushStatus], None] | None,
-        guard: Guard | None,
     ) -> PushResult:
-        scheduler = Scheduler([Node(service, guard) for service in services], self._take, timing)
+        scheduler = Scheduler(nodes, self._take, timing)
         scheduler.request("push/goal", goal, at=GOAL_TIME)
         limit = GOAL_TIME + nanoseconds(goal.time_limit or 400.0) + _GRACE
         while scheduler.now < limit and self._ended is None and self._refusal is None:

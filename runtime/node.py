@@ -102,6 +102,11 @@ class Node:
         if short:
             raise BadHandler(f"service '{self.name}': the period of timer '{short[0]}' is not above 0")
 
+    @property
+    def start(self) -> Time:
+        """Return when the service's life began, ns: timers count from there."""
+        return self.host.start
+
     def begin(self, now: Time) -> list[Sample]:
         """Start the service's life at `now`. Returns its first snapshot."""
         self.host.start = now

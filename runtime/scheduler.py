@@ -13,16 +13,38 @@ import heapq
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from runtime import topics
 from runtime.errors import PushlaneError
 from runtime.messages import Request
-from runtime.node import Node, Sample
+from runtime.node import Sample
+from runtime.service import Contract
 from runtime.time import MILLISECOND, SECOND, Time
 from runtime.topics import TOPICS, Delivery
 
 Sink = Callable[[Sample], None]
-_Work = Callable[[Node, Time, Time], list[Sample]]
+
+
+class Steppable(Protocol):
+    """What the scheduler steps: a node, here or in another process. See `runtime.node.Node` for the meaning."""
+
+    name: str
+    contract: Contract
+
+    @property
+    def start(self) -> Time: ...
+    def begin(self, now: Time) -> list[Sample]: ...
+    def due(self) -> list[tuple[Time, str]]: ...
+    def period(self, timer: str) -> Time: ...
+    def consume(self, sample: Sample, now: Time, finish: Time) -> list[Sample]: ...
+    def fire(self, timer: str, number: int, now: Time, finish: Time) -> list[Sample]: ...
+    def ask(self, request: Request, now: Time, finish: Time) -> list[Sample]: ...
+    def take_snapshot(self, now: Time) -> Sample: ...
+    def flush(self, now: Time) -> Sample | None: ...
+
+
+_Work = Callable[[Steppable, Time, Time], list[Sample]]
 
 _SEND, _MESSAGE, _TIMER, _SNAPSHOT, _FLUSH = range(5)
 _WAKE = _MESSAGE
@@ -60,7 +82,7 @@ class Timing:
 class _Seat:
     """A node's place in the scheduler."""
 
-    node: Node
+    node: Steppable
     index: int
     duration: Time
     inbox: deque[tuple[_Work, str | None]] = field(default_factory=deque)
@@ -82,7 +104,7 @@ class Scheduler:
         BadSystem: two nodes share a name or an output, or a node takes what is for scoring only.
     """
 
-    def __init__(self, nodes: Iterable[Node], sink: Sink, timing: Timing | None = None, start: Time = 0) -> None:
+    def __init__(self, nodes: Iterable[Steppable], sink: Sink, timing: Timing | None = None, start: Time = 0) -> None:
         self.now = start
         self._timing = timing or Timing()
         self._sink = sink
@@ -216,7 +238,7 @@ class Scheduler:
 
     def _arm(self, seat: _Seat, due: Time, timer: str) -> None:
         period = seat.node.period(timer)
-        number = (due - seat.node.host.start) // period
+        number = (due - seat.node.start) // period
 
         def fire() -> None:
             # A firing that still waits when the next is due is dropped: a slow service must not pile them up.
@@ -284,7 +306,7 @@ class Scheduler:
         self._send_at(work(seat.node, self.now, finish), finish)
 
     def _snapshot_all(self) -> None:
-        def snapshot(node: Node, now: Time, _: Time) -> list[Sample]:
+        def snapshot(node: Steppable, now: Time, _: Time) -> list[Sample]:
             return [node.take_snapshot(now)]
 
         for seat in self._seats.values():

@@ -1,0 +1,1 @@
+"""Zenoh: sessions, keys and the envelope. The only place that imports zenoh."""

@@ -1,0 +1,105 @@
+"""Zenoh sessions with our settings: the hub that processes meet at, and its clients.
+
+A session must be closed, also after an error: a process with open subscribers does not end otherwise. So both come
+as context managers, and closing has a time limit of its own, since it can block when the peer is gone.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+
+import zenoh
+
+from runtime.bus.config import BusConfig
+from runtime.errors import PushlaneError
+
+_CLOSE_LIMIT = 1.0
+_KEEP_ALIVE = 4
+
+
+class NoBus(PushlaneError):
+    """The meeting point cannot be opened, or is not there."""
+
+
+@contextmanager
+def hub(config: BusConfig) -> Iterator[zenoh.Session]:
+    """Open the meeting point of a system.
+
+    Raises:
+        NoBus: it cannot listen there, for example because another system does.
+    """
+    settings = {"mode": "router", "listen/endpoints": list(config.listen), "connect/endpoints": []}
+    try:
+        session = zenoh.open(_config(settings, config.lease))
+    except zenoh.ZError as error:
+        raise NoBus(f"cannot listen at {', '.join(config.listen)}: {_first_line(error)}") from error
+    with _closing(session):
+        yield session
+
+
+@contextmanager
+def client(config: BusConfig, patience: float = 10.0) -> Iterator[zenoh.Session]:
+    """Open a session that reaches the others through the hub, and finds it again by itself when it was away.
+
+    Args:
+        patience: s to wait for the hub.
+
+    Raises:
+        NoBus: there is no hub at the endpoints.
+    """
+    settings = {
+        "mode": "client",
+        "connect/endpoints": list(config.connect),
+        "connect/timeout_ms": 500,
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 1.5},
+    }
+    deadline = time.monotonic() + patience
+    while True:
+        # In slices, since an open session attempt does not hear Ctrl-C.
+        try:
+            session = zenoh.open(_config(settings, config.lease))
+            break
+        except zenoh.ZError as error:
+            if time.monotonic() > deadline:
+                raise NoBus(f"no hub at {', '.join(config.connect)}: {_first_line(error)}") from error
+            time.sleep(0.1)
+    with _closing(session):
+        yield session
+
+
+@contextmanager
+def _closing(session: zenoh.Session) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        closer = threading.Thread(target=_close, args=(session,), daemon=True)
+        closer.start()
+        closer.join(_CLOSE_LIMIT)
+
+
+def _close(session: zenoh.Session) -> None:
+    # An error says that the link was gone already: there is nothing left to close.
+    with suppress(zenoh.ZError):
+        session.close()
+
+
+def _config(settings: Mapping[str, object], lease: float) -> zenoh.Config:
+    config = zenoh.Config()
+    fixed: dict[str, object] = {
+        "scouting/multicast/enabled": False,
+        "scouting/delay": 0,
+        "transport/shared_memory/enabled": False,
+        "transport/link/tx/lease": round(1000 * lease),
+        "transport/link/tx/keep_alive": _KEEP_ALIVE,
+    }
+    for key, value in {**fixed, **settings}.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0][:200]
