@@ -22,6 +22,9 @@ from runtime.messages import EntryKind, Reply, Request, Snapshot
 from runtime.service import Answer, Publication, Service
 from runtime.time import Time, nanoseconds
 
+INCARNATION = 1 << 24
+"""Numbers that one incarnation of a service has for itself; MCAP's sequence has 32 bits, which leaves 256."""
+
 _Out = tuple[str, bytes]  # topic, payload
 
 # Looked up once: protobuf's enum wrappers find their values by a Python call.
@@ -107,10 +110,24 @@ class Node:
         """Return when the service's life began, ns: timers count from there."""
         return self.host.start
 
-    def begin(self, now: Time) -> list[Sample]:
-        """Start the service's life at `now`. Returns its first snapshot."""
-        self.host.start = now
-        self.journal.add(_STARTED, "", 0, now)
+    def begin(self, now: Time, incarnation: int = 0, last: Snapshot | None = None) -> list[Sample]:
+        """Start the service's life at `now`. Returns its first snapshot.
+
+        Args:
+            incarnation: 0 for the first process of this service in a session, one more after each restart. Its
+                numbers begin at `incarnation * INCARNATION`, so that no name is given twice.
+            last: a snapshot of an earlier incarnation to go on from.
+
+        Raises:
+            BadSnapshot: `last` does not fit this service.
+        """
+        if last is not None:
+            self._take_up(last)
+        first = incarnation * INCARNATION
+        self.host = HostState(start=now, latest=self.host.latest, consumed=self.host.consumed, snapshots=first)
+        self.host.produced = dict.fromkeys((*self.contract.outputs, self._log, "reply"), first) if first else {}
+        self.journal = JournalWriter(self.name, first=first)
+        self.journal.add(_STARTED, "", incarnation, now)
         return [self.take_snapshot(now)]
 
     def resume(self, snapshot: Snapshot) -> None:
@@ -119,9 +136,7 @@ class Node:
         Raises:
             BadSnapshot: its bytes do not fit this service.
         """
-        if snapshot.node != self.name:
-            raise state.BadSnapshot(f"a snapshot of '{snapshot.node}' is none of '{self.name}'")
-        self._restore(snapshot.service, snapshot.host)
+        self._take_up(snapshot)
         self.journal = JournalWriter(self.name, first=snapshot.entry + 1, digest=snapshot.digest)
 
     def due(self) -> list[tuple[Time, str]]:
@@ -264,6 +279,11 @@ class Node:
     def _frozen(self) -> bytes:
         with self._guarded("snapshot"):
             return self.service.snapshot()
+
+    def _take_up(self, snapshot: Snapshot) -> None:
+        if snapshot.node != self.name:
+            raise state.BadSnapshot(f"a snapshot of '{snapshot.node}' is none of '{self.name}'")
+        self._restore(snapshot.service, snapshot.host)
 
     def _restore(self, service: bytes, host: bytes) -> None:
         self.host = state.decode(HostState, host)

@@ -40,12 +40,14 @@ class DriverState:
     """What the driver goes on from.
 
     Attributes:
+        origin: when the first event came, ns; the world's time counts from there.
         sequence: of the last odometry; stamps: when the newest of them were published, ns, the last one last.
         command_stamp: stamp of the odometry that the command in force is based on; None while the base is held.
         command_deadline: ns that command may be old.
     """
 
     generator: np.random.Generator
+    origin: Time | None = None
     world: WorldState | None = None
     odometry: OdometryState | None = None
     sequence: int = 0
@@ -152,7 +154,9 @@ class SapienDriver(Service):
         self._step_to(now)
 
     def _step_to(self, time: Time) -> None:
-        count = time // _SUBSTEP - self._world.substeps
+        if self.state.origin is None:
+            self.state.origin = time
+        count = (time - self.state.origin) // _SUBSTEP - self._world.substeps
         if count > 0:
             self._world.step(count)
 

@@ -1,0 +1,282 @@
+"""A live host: one service, one loop, one queue, over Zenoh and in real time.
+
+Run by the launcher as `python -m runtime.live.host NAME ...`. The loop decides what comes next (a due timer before
+waiting messages) and the journal says what it decided, so that a replay decides the same.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from types import FrameType
+
+import zenoh
+
+from runtime import topics
+from runtime.bus import envelope
+from runtime.bus.keys import Keys
+from runtime.errors import PushlaneError
+from runtime.live.clock import Clock
+from runtime.live.config import LiveConfig
+from runtime.live.inbox import Busy, Inbox
+from runtime.messages import Health, InputHealth, Reply, Request, Snapshot
+from runtime.node import INCARNATION, BadMessage, Node, Sample
+from runtime.time import Time, nanoseconds, seconds
+from runtime.topics import TOPICS, Delivery
+
+_PRIORITY = {
+    "command": zenoh.Priority.REAL_TIME,
+    "odometry": zenoh.Priority.REAL_TIME,
+    "image": zenoh.Priority.DATA_LOW,
+}
+_Work = Callable[[Time], list[Sample]]
+_OnQuery = Callable[[zenoh.Query], None]
+
+_LOG_EVERY = 1.0
+_LATCHED_LIMIT = 0.5
+
+
+class LiveHost:
+    """Runs `node` until told to stop.
+
+    Args:
+        incarnation: how often this service was restarted in this session.
+        last: a snapshot to go on from.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        session: zenoh.Session,
+        keys: Keys,
+        config: LiveConfig,
+        incarnation: int = 0,
+        last: Snapshot | None = None,
+    ) -> None:
+        self._node = node
+        self._session = session
+        self._keys = keys
+        self._config = config
+        self._incarnation = incarnation
+        self._last = last
+        self._clock = Clock()
+        contract = node.contract
+        latest = frozenset(name for name, one in contract.inputs.items() if one.delivery is Delivery.LATEST)
+        self._inbox = Inbox(latest)
+        self._stopped = threading.Event()
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._latched: dict[str, Sample] = {}
+        self._requests = incarnation * INCARNATION
+        self._busy = Busy()
+        self._consumed: dict[str, tuple[int, float]] = {}
+        self._complained: dict[str, float] = {}
+        self._health = 0
+
+    def stop(self) -> None:
+        """End the loop soon. May be called from a signal handler."""
+        self._stopped.set()
+
+    def run(self) -> None:
+        """Live until stopped."""
+        declared = self._declare()
+        try:
+            self._send(self._node.begin(self._clock.now(), self._incarnation, self._last))
+            self._ask_for_latched()
+            self._loop()
+            self._flush(self._clock.now())
+        finally:
+            for one in declared:
+                one.undeclare()
+
+    def _declare(self) -> list[zenoh.Subscriber[None] | zenoh.Queryable[None] | zenoh.LivelinessToken]:
+        session, keys, contract = self._session, self._keys, self._node.contract
+        declared: list[zenoh.Subscriber[None] | zenoh.Queryable[None] | zenoh.LivelinessToken] = [
+            session.declare_subscriber(keys.topic(topic), self._receive) for topic in contract.inputs
+        ]
+        declared += [session.declare_queryable(keys.request(name), self._asker(name)) for name in contract.requests]
+        latched = [topic for topic in contract.outputs if TOPICS[topic].latched]
+        declared += [session.declare_queryable(keys.latched(topic), self._teller(topic)) for topic in latched]
+        declared.append(session.declare_queryable(keys.snapshot(self._node.name), self._asker("@snapshot")))
+        declared.append(session.liveliness().declare_token(keys.node(self._node.name)))
+        return declared
+
+    def _loop(self) -> None:
+        node, clock = self._node, self._clock
+        timers = {name: due for due, name in node.due()}
+        chores = {
+            self._flush: nanoseconds(self._config.journal_period),
+            self._beat: nanoseconds(self._config.beat_period),
+            self._report: nanoseconds(self._config.health_period),
+            self._snap: nanoseconds(self._config.snapshot_period),
+        }
+        now = clock.now()
+        chores_due = {chore: now + period for chore, period in chores.items()}
+        while not self._stopped.is_set():
+            now = clock.now()
+            timer, due = min(timers.items(), key=lambda item: item[1], default=("", now + nanoseconds(1.0)))
+            if timer and due <= now:
+                period = node.period(timer)
+                number = (now - node.start) // period  # what was missed is left out, not piled up
+                timers[timer] = node.start + (number + 1) * period
+                self._handle(lambda at, timer=timer, number=number: node.fire(timer, number, at, at))  # type: ignore[misc]
+                continue
+            chore = min(chores_due, key=lambda one: chores_due[one])
+            if chores_due[chore] <= now:
+                chores_due[chore] = now + chores[chore]
+                chore(now)
+                continue
+            item = self._inbox.get(seconds(min(due, chores_due[chore]) - now))
+            if isinstance(item, Sample):
+                self._consume(item)
+            elif item is not None:
+                self._answer(*item)
+
+    def _handle(self, work: _Work) -> list[Sample]:
+        """Run one handler, stamped with the time at which it begins, and send what it gives."""
+        begin = self._clock.now()
+        samples = work(begin)
+        self._busy.add(self._clock.now() - begin)
+        self._send(samples)
+        return samples
+
+    def _consume(self, sample: Sample) -> None:
+        try:
+            self._handle(lambda at: self._node.consume(sample, at, at))
+        except BadMessage as error:
+            self._complain(sample.topic, str(error))
+            return
+        count, _ = self._consumed.get(sample.topic, (0, 0.0))
+        self._consumed[sample.topic] = (count + 1, seconds(self._clock.now() - sample.time))
+
+    def _answer(self, name: str, query: zenoh.Query) -> None:
+        payload = b"" if query.payload is None else bytes(query.payload)
+        if name == "@snapshot":
+            query.reply(str(query.key_expr), self._snap(self._clock.now()))
+            query.drop()
+            return
+        self._requests += 1
+        source = self._node.contract.requests[name]
+        request = Request(id=self._requests, name=name, type=source.message.DESCRIPTOR.full_name, payload=payload)
+        topic = topics.request(self._node.name).name
+        now = self._clock.now()
+        try:
+            samples = self._node.ask(request, now, now)
+        except BadMessage as error:
+            answer = Reply(id=request.id, name=name, accepted=False, reason=str(error)).SerializeToString()
+            self._complain(name, str(error))
+        else:
+            self._send([Sample(topic, request.id, now, request.SerializeToString(deterministic=True)), *samples])
+            answer = samples[-1].payload
+        query.reply(str(query.key_expr), answer)
+        query.drop()
+
+    def _receive(self, sample: zenoh.Sample) -> None:
+        """Take what Zenoh brings, on its thread: only to the queue."""
+        topic = self._keys.name(str(sample.key_expr))
+        payload = bytes(sample.payload)
+        attachment = None if sample.attachment is None else bytes(sample.attachment)
+        if len(payload) > self._config.largest:
+            self._complain(topic, f"'{topic}' came with {len(payload)} bytes, more than {self._config.largest}")
+            return
+        try:
+            self._inbox.put(envelope.unpack(topic, payload, attachment))
+        except envelope.BadEnvelope as error:
+            self._complain(topic, str(error))
+
+    def _ask_for_latched(self) -> None:
+        for topic, source in self._node.contract.inputs.items():
+            if not source.topic.latched:
+                continue
+            for reply in self._session.get(self._keys.latched(topic), timeout=_LATCHED_LIMIT):
+                if reply.ok is not None and reply.ok.attachment is not None:
+                    attachment = bytes(reply.ok.attachment)
+                    self._inbox.put(envelope.unpack(topic, bytes(reply.ok.payload), attachment))
+
+    def _asker(self, name: str) -> _OnQuery:
+        return lambda query: self._inbox.ask(name, query)
+
+    def _teller(self, topic: str) -> _OnQuery:
+        def tell(query: zenoh.Query) -> None:
+            sample = self._latched.get(topic)
+            if sample is not None:
+                attachment = envelope.pack(sample.sequence, sample.time)
+                query.reply(str(query.key_expr), sample.payload, attachment=attachment)
+            query.drop()
+
+        return tell
+
+    def _send(self, samples: list[Sample]) -> None:
+        for sample in samples:
+            publisher = self._publishers.get(sample.topic)
+            if publisher is None:
+                publisher = self._publishers[sample.topic] = self._session.declare_publisher(
+                    self._keys.topic(sample.topic),
+                    # Never wait for a subscriber that may stall: what is lost shows as a gap in the sequence.
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    priority=_PRIORITY.get(sample.topic, zenoh.Priority.DATA),
+                )
+            if sample.topic in TOPICS and TOPICS[sample.topic].latched:
+                self._latched[sample.topic] = sample
+            publisher.put(sample.payload, attachment=envelope.pack(sample.sequence, sample.time))
+
+    def _flush(self, now: Time) -> None:
+        batch = self._node.flush(now)
+        if batch is not None:
+            self._send([batch])
+
+    def _snap(self, now: Time) -> bytes:
+        sample = self._node.take_snapshot(now)
+        self._send([sample])
+        return sample.payload
+
+    def _beat(self, now: Time) -> None:
+        self._session.put(self._keys.beat(self._node.name), now.to_bytes(8, "little"))
+
+    def _report(self, now: Time) -> None:
+        busy, self._busy = self._busy, Busy()
+        rows = []
+        for topic in self._node.contract.inputs:
+            count = self._inbox.counts.get(topic)
+            consumed, age = self._consumed.get(topic, (0, 0.0))
+            dropped = 0 if count is None else count.dropped + count.lost + count.refused
+            rows.append(InputHealth(topic=topic, consumed=consumed, dropped=dropped, age=age))
+        self._health += 1
+        health = Health(
+            stamp=now,
+            node=self._node.name,
+            inputs=rows,
+            handled=busy.events,
+            queue_length=len(self._inbox),
+            busy_mean=seconds(busy.total // busy.events) if busy.events else 0.0,
+            busy_max=seconds(busy.longest),
+        )
+        topic = topics.health(self._node.name).name
+        sequence = self._incarnation * INCARNATION + self._health
+        self._send([Sample(topic, sequence, now, health.SerializeToString(deterministic=True))])
+
+    def _complain(self, topic: str, text: str) -> None:
+        """Count a payload that was refused, and say so at most once a second."""
+        self._inbox.refuse(topic)
+        now = time.monotonic()
+        if now - self._complained.get(topic, -_LOG_EVERY) >= _LOG_EVERY:
+            self._complained[topic] = now
+            print(f"{self._node.name}: refused: {text}", file=sys.stderr, flush=True)
+
+
+def stop_on_signals(host: LiveHost) -> None:
+    """End `host` on SIGINT and SIGTERM."""
+
+    def end(_: int, __: FrameType | None) -> None:
+        host.stop()
+
+    signal.signal(signal.SIGINT, end)
+    signal.signal(signal.SIGTERM, end)
+
+
+def fail(name: str, error: PushlaneError) -> None:
+    """Say why a host cannot go on, and end the process."""
+    print(f"{name}: {error}", file=sys.stderr, flush=True)
+    sys.exit(error.exit_code)

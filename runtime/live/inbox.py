@@ -1,0 +1,116 @@
+"""The one queue of a live host: what came, in order; of latest-only inputs only the newest."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import dataclass, field
+
+import zenoh
+
+from runtime.node import INCARNATION, Sample
+from runtime.time import Time
+
+
+@dataclass
+class Count:
+    """What is known of one input.
+
+    Attributes:
+        last: sequence that came last; 0 before the first.
+        dropped: stale messages of a latest-only input, replaced before they were handled.
+        lost: messages that never came, by gaps in the sequence.
+        repeated: came again or late, and were left out.
+        refused: did not parse, or were too long.
+    """
+
+    last: int = 0
+    dropped: int = 0
+    lost: int = 0
+    repeated: int = 0
+    refused: int = 0
+
+
+@dataclass
+class Inbox:
+    """Filled by Zenoh's threads, emptied by the host's. Holds samples, and queries that are requests.
+
+    Args:
+        latest: topics of which only the newest sample is kept.
+        limit: entries; beyond it the oldest samples are dropped and counted, so that memory stays flat.
+    """
+
+    latest: frozenset[str]
+    limit: int = 10_000
+    counts: dict[str, Count] = field(default_factory=dict)
+    _items: deque[Sample | tuple[str, zenoh.Query]] = field(default_factory=deque)
+    _ready: threading.Condition = field(default_factory=threading.Condition)
+
+    def put(self, sample: Sample) -> None:
+        """Take a sample, unless it is not newer than the last of its topic."""
+        with self._ready:
+            count = self.counts.setdefault(sample.topic, Count())
+            if sample.sequence <= count.last:
+                count.repeated += 1
+                return
+            if count.last and sample.sequence // INCARNATION == count.last // INCARNATION:
+                count.lost += sample.sequence - count.last - 1
+            count.last = sample.sequence
+            if sample.topic in self.latest and self._replaced(sample):
+                count.dropped += 1
+            else:
+                self._items.append(sample)
+                self._shorten()
+            self._ready.notify()
+
+    def ask(self, name: str, query: zenoh.Query) -> None:
+        """Take a request."""
+        with self._ready:
+            self._items.append((name, query))
+            self._ready.notify()
+
+    def refuse(self, topic: str) -> None:
+        """Count a payload that was not taken."""
+        with self._ready:
+            self.counts.setdefault(topic, Count()).refused += 1
+
+    def get(self, timeout: float) -> Sample | tuple[str, zenoh.Query] | None:
+        """Return the next entry, waiting up to `timeout` s for one."""
+        with self._ready:
+            if not self._items and timeout > 0:
+                self._ready.wait(timeout)
+            return self._items.popleft() if self._items else None
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def _replaced(self, sample: Sample) -> bool:
+        for index, item in enumerate(self._items):
+            if isinstance(item, Sample) and item.topic == sample.topic:
+                self._items[index] = sample
+                return True
+        return False
+
+    def _shorten(self) -> None:
+        if len(self._items) <= self.limit:
+            return
+        for index, item in enumerate(self._items):
+            if isinstance(item, Sample):
+                self.counts[item.topic].dropped += 1
+                del self._items[index]
+                return
+
+
+@dataclass
+class Busy:
+    """How long handlers took since the last health message."""
+
+    events: int = 0
+    total: Time = 0
+    longest: Time = 0
+
+    def add(self, took: Time) -> None:
+        """Take one handler's time, ns."""
+        self.events += 1
+        self.total += took
+        self.longest = max(self.longest, took)

@@ -1,0 +1,50 @@
+"""What a live system is made of, as its processes read it: one JSON file written by the launcher."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from runtime.errors import PushlaneError
+
+
+class BadPlan(PushlaneError):
+    """The file is no plan."""
+
+
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
+    """A live system.
+
+    Attributes:
+        robot: its name on the bus.
+        seed: of the simulation.
+        nodes: the services, in the order in which they are started.
+        sections: the effective configuration, plain.
+    """
+
+    robot: str
+    seed: int
+    nodes: list[str]
+    sections: dict[str, Any]
+
+    @classmethod
+    def read(cls, path: Path) -> Plan:
+        """Return the plan in the file `path`.
+
+        Raises:
+            BadPlan: there is none.
+        """
+        try:
+            return msgspec.json.decode(path.read_bytes(), type=cls)
+        except (OSError, msgspec.MsgspecError) as error:
+            raise BadPlan(f"{path} is no plan of a live system: {error}") from error
+
+    def encoded(self) -> bytes:
+        """Return the plan as JSON."""
+        return msgspec.json.encode(self)
+
+    def config(self) -> bytes:
+        """Return the configuration as a recording holds it."""
+        return msgspec.json.encode({"sections": self.sections})
