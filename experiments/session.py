@@ -15,7 +15,10 @@ from msgspec import Meta
 from drivers.sapien import objects, scene
 from drivers.sapien.base import BaseModel
 from runtime import registry
+from runtime.bus.config import BusConfig
 from runtime.config.layers import ConfigError, Effective, Layer, effective
+from runtime.live.config import LiveConfig
+from runtime.live.plan import Plan
 from runtime.local import PushResult, push, push_nodes
 from runtime.messages import PushGoal, PushStatus, Vector2
 from runtime.recorder import header
@@ -65,6 +68,11 @@ class Session:
         """Return the services, freshly built, in scheduling order."""
         return [registry.service_class(name)(self.effective.sections[name]) for name in NODES]
 
+    def plan(self) -> Plan:
+        """Return what the processes of a live system need to know."""
+        sections = {name: msgspec.to_builtins(section) for name, section in self.effective.sections.items()}
+        return Plan(robot=sections["bus"]["robot"], seed=self.sim.seed, nodes=list(NODES), sections=sections)
+
     def json(self) -> bytes:
         """Return the effective configuration as the recording holds it."""
         sections = {name: msgspec.to_builtins(section) for name, section in self.effective.sections.items()}
@@ -76,6 +84,8 @@ def kinds() -> dict[str, type[msgspec.Struct]]:
     return {
         "sim": SimConfig,
         "timing": TimingConfig,
+        "bus": BusConfig,
+        "live": LiveConfig,
         **{name: registry.service_class(name).Config for name in NODES},
     }
 

@@ -15,7 +15,7 @@ import typer
 
 from runtime.errors import PushlaneError
 
-VERB_MODULES = ("experiments.cli", "replays.cli", "runtime.cli.config")
+VERB_MODULES = ("experiments.cli", "replays.cli", "runtime.cli.live", "runtime.cli.topics", "runtime.cli.config")
 
 app = typer.Typer(
     name="pushlane",

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from runtime.config.layers import Layer, read_assignments, read_toml
+from runtime.bus.config import BusConfig
+from runtime.config.layers import Layer, effective, read_assignments, read_toml
 
 ConfigFile = Annotated[
     Path | None,
@@ -33,3 +34,17 @@ def layers(config: Path | None, assignments: Sequence[str] | None) -> list[Layer
     """
     found = [read_toml(config)] if config is not None else []
     return [*found, read_assignments(assignments)] if assignments else found
+
+
+def bus_of(config: Path | None, assignments: Sequence[str] | None) -> BusConfig:
+    """Return the [bus] section that these options give.
+
+    Raises:
+        ConfigError: it is wrong.
+    """
+    given = [
+        Layer(one.origin, {"bus": one.values["bus"]}) for one in layers(config, assignments) if "bus" in one.values
+    ]
+    found = effective({"bus": BusConfig}, given).sections["bus"]
+    assert isinstance(found, BusConfig)
+    return found

@@ -1,0 +1,135 @@
+"""`pushlane topics` and `pushlane nodes`: what a running system says."""
+
+from __future__ import annotations
+
+import time
+from importlib import import_module
+from typing import Annotated
+
+import typer
+
+from runtime.cli.options import Assignments, ConfigFile, bus_of
+
+app = typer.Typer(no_args_is_help=True, help="Look at the topics of a running system.")
+
+Duration = Annotated[float, typer.Option("--for", metavar="S", help="Listen this long; 0: until Ctrl-C.")]
+TopicName = Annotated[str, typer.Argument(help="A topic, or a pattern such as 'push/*'.")]
+
+
+def register(root: typer.Typer) -> None:
+    """Add the verbs of this module to `root`."""
+    root.add_typer(app, name="topics")
+    root.command(name="nodes")(nodes)
+
+
+@app.command()
+def ls(config: ConfigFile = None, assignments: Assignments = None, duration: Duration = 1.5) -> None:
+    """List topics with their type, expected and measured rate."""
+    from runtime.live.watch import listen
+    from runtime.recorder.schema import message_type
+    from runtime.topics import TOPICS
+
+    tally = listen(bus_of(config, assignments), "**", duration)
+    for name in sorted({*TOPICS, *tally.counts}):
+        row = TOPICS.get(name)
+        expected = f"{row.rate:g} Hz" if row is not None and row.rate else "on change"
+        measured = f"{tally.rate(name):.1f} Hz" if name in tally.counts else "silent"
+        try:
+            kind = message_type(name).DESCRIPTOR.full_name
+        except KeyError:
+            kind = "no topic of ours"
+        latched = "latched" if row is not None and row.latched else ""
+        typer.echo(f"{name:<22} {kind:<26} {expected:<10} {measured:<10} {latched}")
+
+
+@app.command()
+def hz(
+    topic: TopicName = "**", config: ConfigFile = None, assignments: Assignments = None, duration: Duration = 5.0
+) -> None:
+    """Measure rates, with the longest gap between two messages."""
+    from runtime.live.watch import listen
+
+    tally = listen(bus_of(config, assignments), topic, duration)
+    for name in sorted(tally.counts):
+        typer.echo(f"{name:<22} {tally.rate(name):7.2f} Hz, longest gap {1000 * tally.longest[name]:.0f} ms")
+
+
+@app.command()
+def bw(
+    topic: TopicName = "**", config: ConfigFile = None, assignments: Assignments = None, duration: Duration = 5.0
+) -> None:
+    """Measure bandwidth."""
+    from runtime.live.watch import listen
+
+    tally = listen(bus_of(config, assignments), topic, duration)
+    for name, size in sorted(tally.sizes.items(), key=lambda item: -item[1]):
+        typer.echo(
+            f"{name:<22} {size / tally.seconds / 1000:8.2f} kB/s, {size / tally.counts[name]:8.0f} bytes a message"
+        )
+    typer.echo(f"{'all':<22} {sum(tally.sizes.values()) / tally.seconds / 1000:8.2f} kB/s")
+
+
+@app.command()
+def echo(
+    topic: TopicName, config: ConfigFile = None, assignments: Assignments = None, duration: Duration = 0.0
+) -> None:
+    """Print messages as they come."""
+    from google.protobuf.text_format import MessageToString
+
+    from runtime.live.watch import listen
+    from runtime.node import Sample
+    from runtime.recorder.schema import message_type
+
+    def show(sample: Sample) -> None:
+        text = MessageToString(message_type(sample.topic).FromString(sample.payload), as_one_line=True)
+        typer.echo(f"{sample.topic} {sample.sequence} at {sample.time / 1e9:.3f} s: {text[:2000]}")
+
+    listen(bus_of(config, assignments), topic, duration, show)
+
+
+@app.command()
+def graph() -> None:
+    """Print who publishes what to whom, as the services declare it, in Graphviz's language."""
+    registry = import_module("runtime.registry")
+    classes = {name: registry.service_class(name) for name in registry.SERVICES}
+    typer.echo("digraph pushlane {")
+    for publisher, kind in classes.items():
+        for topic in kind.contract.outputs:
+            for listener, other in classes.items():
+                if topic in other.contract.inputs:
+                    typer.echo(f'  "{publisher}" -> "{listener}" [label="{topic}"];')
+    typer.echo("}")
+
+
+def nodes(config: ConfigFile = None, assignments: Assignments = None) -> None:
+    """List the services that are up, with what they report of themselves."""
+    from runtime.bus.keys import Keys
+    from runtime.bus.session import client
+    from runtime.messages import Health
+
+    bus = bus_of(config, assignments)
+    keys = Keys(bus.robot)
+    newest: dict[str, Health] = {}
+    with client(bus) as session:
+        subscriber = session.declare_subscriber(
+            keys.topic("health/*"),
+            lambda sample: newest.__setitem__(
+                str(sample.key_expr).rpartition("/")[2], Health.FromString(bytes(sample.payload))
+            ),
+        )
+        alive = [str(one.ok.key_expr).rpartition("/")[2] for one in session.liveliness().get(keys.node("*")) if one.ok]
+        time.sleep(1.3)
+        subscriber.undeclare()
+    for name in sorted(alive):
+        health = newest.get(name)
+        if health is None:
+            typer.echo(f"{name:<12} up, no health report")
+            continue
+        lost = sum(row.dropped for row in health.inputs)
+        typer.echo(
+            f"{name:<12} up, {health.handled} events a second, handler {1000 * health.busy_mean:.2f} ms mean, "
+            f"{1000 * health.busy_max:.2f} ms longest, queue {health.queue_length}, dropped {lost}"
+        )
+    if not alive:
+        typer.echo("no service is up")
+        raise typer.Exit(1)
