@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 from replays.recording import Recording
 from runtime.journal import Entry, chain, entries
@@ -51,11 +52,17 @@ def read(recording: Recording, node: str) -> list[Entry]:
     return list(entries(recording.journals.get(node, [])))
 
 
-def breaks(recording: Recording, node: str, rows: list[Entry]) -> Iterator[Break]:
-    """Return every place where the chain of digests, the numbering or a payload does not fit.
+def segments(rows: list[Entry]) -> list[list[Entry]]:
+    """Return `rows` cut before every entry that says that the service was started, or started again."""
+    starts = [0, *(i for i, entry in enumerate(rows) if i and entry.kind == EntryKind.STARTED), len(rows)]
+    return [rows[begin:end] for begin, end in pairwise(starts) if begin < end]
 
-    The digest before the first entry is 0 for a journal from its beginning; a journal that was joined later is
-    checked from its second entry on.
+
+def breaks(recording: Recording, node: str, rows: list[Entry]) -> Iterator[Break]:
+    """Return every place in a segment where the chain of digests, the numbering or a payload does not fit.
+
+    The digest before the first entry is 0 where a service was started; a journal that was joined later is checked
+    from its second entry on.
     """
     for index, entry in enumerate(rows):
         if index and entry.number != rows[index - 1].number + 1:
@@ -63,7 +70,7 @@ def breaks(recording: Recording, node: str, rows: list[Entry]) -> Iterator[Break
             what = f"{gap} entries are missing" if gap > 0 else "numbers go back"
             yield Break(entry, f"before {entry}: {what}", structural=True)
             continue
-        if index == 0 and entry.number != 0:
+        if index == 0 and entry.kind != EntryKind.STARTED:
             continue
         before = rows[index - 1].digest if index else 0
         payload = payload_of(recording, node, entry)

@@ -53,6 +53,14 @@ class Differences:
             largest = max(largest, difference)
         return largest
 
+    def join(self, other: Differences) -> None:
+        """Take in what was collected elsewhere, later."""
+        for name, error in other.fields.items():
+            mine = self.fields.setdefault(name, FieldError(first=error.first))
+            mine.largest = max(mine.largest, error.largest)
+            mine.squares += error.squares
+            mine.count += error.count
+
 
 def differences(recorded: Message, replayed: Message, prefix: str = "") -> Iterator[tuple[str, float]]:
     """Return (field path, absolute difference) of every value that differs."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import Enum
@@ -66,6 +67,17 @@ class TopicResult:
     beyond: int = 0  # differ by more than is allowed
     first: Time | None = None  # of the first divergence
     differences: Differences = field(default_factory=Differences)
+
+    def add(self, other: TopicResult) -> None:
+        """Take in what another incarnation of the same service gave."""
+        self.recorded += other.recorded
+        self.replayed += other.replayed
+        self.identical += other.identical
+        self.missing += other.missing
+        self.extra += other.extra
+        self.beyond += other.beyond
+        self.first = other.first if self.first is None else self.first
+        self.differences.join(other.differences)
 
 
 @dataclass
@@ -146,9 +158,47 @@ def replay(
             raise Unusable(f"{recording.path} has no service '{name}'; it has {', '.join(available)}")
     with Guard() as guard:
         for name in names or available:
-            service = _build(recording, name, (changes or {}).get(name, {}), services)
-            report.nodes.append(_Execution(recording, service, guard, comparison, start, keep).run())
+            parts = []
+            for rows in _segments(recording, name, start):
+                service = _build(recording, name, (changes or {}).get(name, {}), services)
+                parts.append(_Execution(recording, service, guard, comparison, start, keep).run(rows))
+            report.nodes.append(_joined(recording, parts))
     return report
+
+
+def _segments(recording: Recording, name: str, start: Time) -> list[list[Entry]]:
+    """Return the entries of each incarnation of a node that was alive after `start`."""
+    try:
+        rows = chain.read(recording, name)
+    except ValueError as error:
+        raise Unusable(f"{recording.path}: {error}") from error
+    if not rows:
+        raise Unusable(f"{recording.path} has no journal of '{name}'")
+    found = chain.segments(rows)
+    return [part for part in found if part[-1].time >= start] or found[-1:]
+
+
+def _joined(recording: Recording, parts: list[NodeResult]) -> NodeResult:
+    """Return the results of all incarnations of a node as one."""
+    whole = parts[0]
+    notes = [part.note for part in parts if part.note]
+    for part in parts[1:]:
+        whole.end = part.end
+        whole.events += part.events
+        whole.findings += part.findings
+        whole.overlay += part.overlay
+        whole.complete = whole.complete and part.complete
+        for topic, row in part.topics.items():
+            whole.topics.setdefault(topic, TopicResult()).add(row)
+    if len(parts) > 1:
+        notes.append(f"was restarted {len(parts) - 1} times; each life was replayed from its first snapshot")
+    journaled = {topic: row.recorded for topic, row in whole.topics.items()}
+    kept = Counter(topic for topic, _ in recording.samples if topic in journaled)
+    lost = sum(kept[topic] - count for topic, count in journaled.items())
+    if lost > 0 and whole.start <= parts[0].start and whole.complete and not whole.snapshot:
+        notes.append(f"{lost} recorded messages are in no journal: their service or the recording ended too soon")
+    whole.note = "; ".join(notes)
+    return whole
 
 
 def platform_differences(recording: Recording) -> list[str]:
@@ -205,13 +255,8 @@ class _Execution:
         self._keep = keep
         self._expected: list[Entry] = []
 
-    def run(self) -> NodeResult:
-        try:
-            rows = chain.read(self.recording, self.name)
-        except ValueError as error:
-            raise Unusable(f"{self.recording.path}: {error}") from error
-        if not rows:
-            raise Unusable(f"{self.recording.path} has no journal of '{self.name}'")
+    def run(self, rows: list[Entry]) -> NodeResult:
+        """Execute the entries of one incarnation."""
         rows = self._cut_at_breaks(rows)
         first = self._begin(rows)
         for topic in (*self.node.contract.outputs, topics.log(self.name).name):

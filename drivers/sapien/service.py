@@ -148,7 +148,7 @@ class SapienDriver(Service):
             stop = self.state.command_stamp + self.state.command_deadline
         if stop is not None and stop < now:
             self._step_to(stop)
-            self._world.command(0.0, 0.0, 0.0)
+            self._world.hold()
             self.state.command_stamp = None
             self.state.stale += 1
         self._step_to(now)

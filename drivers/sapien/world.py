@@ -96,6 +96,13 @@ class World:
         self._wish[:] = followed
         return limited
 
+    def hold(self) -> None:
+        """Stop the motors at once, without the ramp, as a Robotino does when its commands run out.
+
+        The wheels' traction then brakes the base: 3 m/s^2 with the default one.
+        """
+        self._wish[:] = self._ramp[:] = self._reference[:] = 0.0
+
     def step(self, count: int) -> None:
         """Let `count` substeps of SUBSTEP s pass."""
         robot, thing, system = self._robot, self._object, self._system

@@ -292,3 +292,18 @@ def test_every_scene_can_be_simulated(name: str) -> None:
     world.step(4 * SECOND)
     assert world.touching
     assert np.isfinite([*world.robot_pose, *world.object_pose]).all()
+
+
+def test_hold_brakes_by_traction_alone() -> None:
+    base = BaseModel(lag=0.1)
+    world = World(scene.get("open"), objects.draw(objects.get("can"), np.random.default_rng(1)), base)
+    world.command(-0.3, 0.0, 0.0)
+    world.step(800)
+    speed = -world.robot_twist[0]
+    world.hold()
+    # v = v0 - (traction / mass) t: half the speed is left half way.
+    stop = speed * base.mass / base.traction
+    world.step(round(stop / 2 / SUBSTEP))
+    assert -world.robot_twist[0] == pytest.approx(speed / 2, rel=0.05)
+    world.step(round(stop / 2 / SUBSTEP) + 1)
+    assert abs(world.robot_twist[0]) < 1e-3
