@@ -174,8 +174,21 @@ def _segments(recording: Recording, name: str, start: Time) -> list[list[Entry]]
         raise Unusable(f"{recording.path}: {error}") from error
     if not rows:
         raise Unusable(f"{recording.path} has no journal of '{name}'")
-    found = chain.segments(rows)
+    found = [_from_snapshot(recording, name, part) for part in chain.segments(rows)]
+    found = [part for part in found if part]
+    if not found:
+        raise Unusable(f"{recording.path}: '{name}' has neither a beginning nor a snapshot")
     return [part for part in found if part[-1].time >= start] or found[-1:]
+
+
+def _from_snapshot(recording: Recording, name: str, rows: list[Entry]) -> list[Entry]:
+    """Return `rows` from where they can be executed: a recording that joined later begins with a snapshot."""
+    if rows[0].kind == EntryKind.STARTED:
+        return rows
+    for index, entry in enumerate(rows):
+        if entry.kind == EntryKind.SNAPSHOT and (name, entry.sequence) in recording.snapshots:
+            return rows[index:]
+    return []
 
 
 def _joined(recording: Recording, parts: list[NodeResult]) -> NodeResult:
@@ -297,19 +310,7 @@ class _Execution:
             self.result.start = rows[0].time
             self._compare_snapshot(rows[1] if len(rows) > 1 else rows[0], self.node.begin(rows[0].time)[0])
             return min(2, len(rows))
-        if not rows:
-            return 0
-        return self._join_at_first_snapshot(rows)
-
-    def _join_at_first_snapshot(self, rows: list[Entry]) -> int:
-        for index, entry in enumerate(rows):
-            snapshot = self.recording.snapshots.get((self.name, entry.sequence))
-            if entry.kind == EntryKind.SNAPSHOT and snapshot is not None:
-                self.node.resume(snapshot)
-                self.result.snapshot, self.result.start = snapshot.number, entry.time
-                self.result.note = f"{index} entries before its first snapshot are not covered"
-                return index + 1
-        raise Unusable(f"{self.recording.path}: '{self.name}' has neither a beginning nor a snapshot")
+        return 0
 
     def _step(self, rows: list[Entry], index: int) -> int:
         """Execute the event at `index` and compare what belongs to it. Returns the index of the next event."""

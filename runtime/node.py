@@ -147,6 +147,14 @@ class Node:
         """Return the period of `timer` in ns."""
         return self._periods[timer]
 
+    def check(self, sample: Sample) -> None:
+        """Raise unless `sample` is a message of one of the inputs. Safe to call from any thread.
+
+        Raises:
+            BadMessage: it does not parse, or holds a number that is not finite.
+        """
+        _parse(self._kinds[sample.topic], sample.payload, sample.topic)
+
     def consume(self, sample: Sample, now: Time, finish: Time) -> list[Sample]:
         """Give the service a message of one of its inputs at `now`; what it publishes is stamped `finish`.
 

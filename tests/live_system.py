@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -103,7 +103,9 @@ def running(session: Session, record: Path | None = None) -> Iterator[System]:
             def hear(sample: zenoh.Sample) -> None:
                 topic = system.keys.name(str(sample.key_expr))
                 attachment = None if sample.attachment is None else bytes(sample.attachment)
-                system.heard.setdefault(topic, []).append(envelope.unpack(topic, bytes(sample.payload), attachment))
+                with suppress(envelope.BadEnvelope):
+                    found = envelope.unpack(topic, bytes(sample.payload), attachment)
+                    system.heard.setdefault(topic, []).append(found)
 
             subscriber = zenoh_session.declare_subscriber(system.keys.everything(), hear)
             system.wait(launcher.ready, START_LIMIT, "all services up")

@@ -143,11 +143,7 @@ class LiveHost:
         return samples
 
     def _consume(self, sample: Sample) -> None:
-        try:
-            self._handle(lambda at: self._node.consume(sample, at, at))
-        except BadMessage as error:
-            self._complain(sample.topic, str(error))
-            return
+        self._handle(lambda at: self._node.consume(sample, at, at))
         count, _ = self._consumed.get(sample.topic, (0, 0.0))
         self._consumed[sample.topic] = (count + 1, seconds(self._clock.now() - sample.time))
 
@@ -178,13 +174,20 @@ class LiveHost:
         topic = self._keys.name(str(sample.key_expr))
         payload = bytes(sample.payload)
         attachment = None if sample.attachment is None else bytes(sample.attachment)
+        self._accept(topic, payload, attachment)
+
+    def _accept(self, topic: str, payload: bytes, attachment: bytes | None) -> None:
+        """Put what came in the queue, or refuse it: here is the edge."""
         if len(payload) > self._config.largest:
             self._complain(topic, f"'{topic}' came with {len(payload)} bytes, more than {self._config.largest}")
             return
         try:
-            self._inbox.put(envelope.unpack(topic, payload, attachment))
-        except envelope.BadEnvelope as error:
+            found = envelope.unpack(topic, payload, attachment)
+            self._node.check(found)
+        except (envelope.BadEnvelope, BadMessage) as error:
             self._complain(topic, str(error))
+        else:
+            self._inbox.put(found)
 
     def _ask_for_latched(self) -> None:
         for topic, source in self._node.contract.inputs.items():
@@ -192,8 +195,7 @@ class LiveHost:
                 continue
             for reply in self._session.get(self._keys.latched(topic), timeout=_LATCHED_LIMIT):
                 if reply.ok is not None and reply.ok.attachment is not None:
-                    attachment = bytes(reply.ok.attachment)
-                    self._inbox.put(envelope.unpack(topic, bytes(reply.ok.payload), attachment))
+                    self._accept(topic, bytes(reply.ok.payload), bytes(reply.ok.attachment))
 
     def _asker(self, name: str) -> _OnQuery:
         return lambda query: self._inbox.ask(name, query)

@@ -11,6 +11,9 @@ import zenoh
 from runtime.node import INCARNATION, Sample
 from runtime.time import Time
 
+_MOST_LIVES = 255
+_LARGEST_GAP = 1 << 20
+
 
 @dataclass
 class Count:
@@ -21,7 +24,7 @@ class Count:
         dropped: stale messages of a latest-only input, replaced before they were handled.
         lost: messages that never came, by gaps in the sequence.
         repeated: came again or late, and were left out.
-        refused: did not parse, or were too long.
+        refused: did not parse, were too long, or bore a number from nowhere.
     """
 
     last: int = 0
@@ -52,6 +55,9 @@ class Inbox:
             count = self.counts.setdefault(sample.topic, Count())
             if sample.sequence <= count.last:
                 count.repeated += 1
+                return
+            if not _follows(sample.sequence, count.last):
+                count.refused += 1
                 return
             if count.last and sample.sequence // INCARNATION == count.last // INCARNATION:
                 count.lost += sample.sequence - count.last - 1
@@ -99,6 +105,15 @@ class Inbox:
                 self.counts[item.topic].dropped += 1
                 del self._items[index]
                 return
+
+
+def _follows(sequence: int, last: int) -> bool:
+    """Return whether `sequence` can come after `last`: a number from nowhere would shut out all real ones."""
+    life, number = divmod(sequence, INCARNATION)
+    if life > _MOST_LIVES:
+        return False
+    known, before = divmod(last, INCARNATION)
+    return number - (before if life == known else 0) <= _LARGEST_GAP or last == 0
 
 
 @dataclass

@@ -68,6 +68,8 @@ class Tape:
                     if reply.ok is not None and reply.ok.attachment is not None:
                         attachment = bytes(reply.ok.attachment)
                         self._queue.put(envelope.unpack(topic, bytes(reply.ok.payload), attachment))
+        # What was sent before the subscription was in force must have been handled before the snapshot.
+        time.sleep(_SETTLE)
         for _ in self._session.get(self._keys.snapshot("*"), timeout=2.0):
             pass  # each node also publishes it, at its place in the journal
 

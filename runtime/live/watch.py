@@ -5,9 +5,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import zenoh
+from google.protobuf.message import DecodeError
 
 from runtime.bus import envelope
 from runtime.bus.config import BusConfig
@@ -58,7 +60,8 @@ def listen(bus: BusConfig, pattern: str, duration: float, show: Callable[[Sample
         with lock:
             tally.add(topic, len(payload), time.monotonic())
             if show is not None and sample.attachment is not None:
-                show(envelope.unpack(topic, payload, bytes(sample.attachment)))
+                with suppress(envelope.BadEnvelope, DecodeError):  # no message of ours
+                    show(envelope.unpack(topic, payload, bytes(sample.attachment)))
 
     with client(bus) as session:
         begin = time.monotonic()
