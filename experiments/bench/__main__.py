@@ -1,12 +1,12 @@
-"""Prints the benchmarks: `python -m experiments.bench [spine]`."""
+"""Prints the benchmarks: `python -m experiments.bench [spine] [bus]`."""
 
 from __future__ import annotations
 
 import sys
 
-from experiments.bench import spine
+from experiments.bench import bus, spine
 
-BENCHES = {"spine": spine.main}
+BENCHES = {"spine": spine.main, "bus": bus.main}
 
 
 def main() -> int:
