@@ -54,6 +54,9 @@ def sim(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE.mcap", help="Record the session here.")
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the file of --output if it is there.")
+    ] = False,
     mode: Annotated[
         Mode, typer.Option(help="local: all services in this process; lockstep: each in its own, stepped over Zenoh.")
     ] = Mode.LOCAL,
@@ -91,7 +94,12 @@ def sim(
     options = [Layer(flag, {"sim": {key: value}}) for flag, (key, value) in given.items() if value not in (None, "")]
     session = prepare([*layers(config, assignments), *options])
     delivered = watching.show(
-        session, output, as_json=as_json, terminal=sys.stdout.isatty(), lockstep=mode is Mode.LOCKSTEP
+        session,
+        output,
+        as_json=as_json,
+        terminal=sys.stdout.isatty(),
+        lockstep=mode is Mode.LOCKSTEP,
+        overwrite=overwrite,
     )
     raise typer.Exit(0 if delivered else 1)
 

@@ -13,7 +13,7 @@ from experiments.session import Session
 from runtime import topics
 from runtime.local import PushResult
 from runtime.messages import Corridor, FailureCause, PushOutcome, Truth
-from runtime.node import Sample
+from runtime.sample import Sample
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry
 

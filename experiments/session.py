@@ -97,16 +97,22 @@ def prepare(layers: Sequence[Layer]) -> Session:
         ConfigError, UnknownScene, UnknownObject, ObjectError: the configuration names something wrong.
     """
     sim_layers = [Layer(one.origin, {"sim": one.values["sim"]}) for one in layers if "sim" in one.values]
-    found = effective({"sim": SimConfig}, sim_layers).sections["sim"]
+    sim = effective({"sim": SimConfig}, sim_layers)
+    found = sim.sections["sim"]
     assert isinstance(found, SimConfig)
-    for name, known, what in (
-        (found.strategy, STRATEGIES, "strategy"),
-        (found.controller, CONTROLLERS, "controller"),
-    ):
+    for key, known in (("strategy", STRATEGIES), ("controller", CONTROLLERS)):
+        name = getattr(found, key)
         if name and name not in known:
-            raise ConfigError(f"no {what} is called '{name}'; expected one of {', '.join(known)}")
+            origin = sim.origins.get(f"sim.{key}", "default")
+            raise ConfigError(f"{origin}: sim.{key}: no {key} is called '{name}'; expected one of {', '.join(known)}")
     drawn, place = _draw(found)
     whole = effective(kinds(), [drawn, *layers])
+    driver, perception = (msgspec.to_builtins(whole.sections[name])["scene"] for name in ("driver", "perception"))
+    if driver != perception:
+        origin = next(
+            (origin for key, origin in whole.origins.items() if ".scene." in key and origin != drawn.origin), ""
+        )
+        raise ConfigError(f"{origin}: driver.scene and perception.scene differ: the map would not be of this world")
     x, y = found.goal or (place.x, place.y)
     goal = PushGoal(
         position=Vector2(x=x, y=y),
@@ -125,6 +131,7 @@ def run(
     sinks: Sequence[Sink] = (),
     guarded: bool = True,
     lockstep: Spread | None = None,
+    overwrite: bool = False,
 ) -> PushResult:
     """Run the push of `session`, recording it to `record` if given; in other processes if `lockstep` says where.
 
@@ -137,7 +144,7 @@ def run(
         if record is not None:
             mode = "local" if lockstep is None else "lockstep"
             head = header.of_this_machine(mode, session.sim.seed, list(NODES))
-            sinks = [stack.enter_context(Recorder(record, head, session.json())), *sinks]
+            sinks = [stack.enter_context(Recorder(record, head, session.json(), overwrite)), *sinks]
         if lockstep is None:
             return push(session.services(), session.goal, sinks, timing.timing(), watch, guarded)
         from runtime.lockstep.run import workers

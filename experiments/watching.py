@@ -17,6 +17,7 @@ from experiments.session import Session, run
 from runtime.errors import PushlaneError
 from runtime.local import PushResult
 from runtime.messages import FailureCause, PushOutcome, PushPhase, PushStatus
+from runtime.recorder.writer import CannotRecord
 from runtime.time import Time, seconds
 
 if TYPE_CHECKING:
@@ -30,7 +31,12 @@ class NoPath(PushlaneError):
 
 
 def run_shown(
-    session: Session, record: Path | None, terminal: bool, quiet: bool, lockstep: bool = False
+    session: Session,
+    record: Path | None,
+    terminal: bool,
+    quiet: bool,
+    lockstep: bool = False,
+    overwrite: bool = False,
 ) -> tuple[PushResult, float]:
     """Run `session`, showing it. Returns the result and the s it took.
 
@@ -42,7 +48,9 @@ def run_shown(
     with Live(console=console, refresh_per_second=8) if terminal and not quiet else nullcontext() as live:
         watch = _live(live, started) if live is not None else (None if quiet else _lines(started))
         try:
-            result = run(session, record, watch, lockstep=_spread() if lockstep else None)
+            result = run(session, record, watch, lockstep=_spread() if lockstep else None, overwrite=overwrite)
+        except CannotRecord:
+            raise  # what is there is not ours, or is all there is
         except PushlaneError:
             _discard(record)
             raise
@@ -52,9 +60,16 @@ def run_shown(
     return result, time.perf_counter() - started
 
 
-def show(session: Session, record: Path | None, as_json: bool, terminal: bool, lockstep: bool = False) -> bool:
+def show(
+    session: Session,
+    record: Path | None,
+    as_json: bool,
+    terminal: bool,
+    lockstep: bool = False,
+    overwrite: bool = False,
+) -> bool:
     """Run `session` and print what came of it. Returns whether the object was delivered."""
-    result, took = run_shown(session, record, terminal, quiet=as_json, lockstep=lockstep)
+    result, took = run_shown(session, record, terminal, quiet=as_json, lockstep=lockstep, overwrite=overwrite)
     facts = summary(session, result, took, record)
     if as_json:
         print(json.dumps(facts))

@@ -77,6 +77,9 @@ def breaks(recording: Recording, node: str, rows: list[Entry]) -> Iterator[Break
         if payload is None:
             yield Break(entry, f"{entry}: the message was not recorded", structural=False)
             continue
+        sample = recording.samples.get((entry.name, entry.sequence)) if entry.kind == EntryKind.PRODUCED else None
+        if sample is not None and sample.time != entry.time:
+            yield Break(entry, f"{entry}: recorded at {sample.time} ns, given at {entry.time} ns", structural=False)
         if chain(before, entry.kind, entry.name, entry.sequence, entry.time, payload) != entry.digest:
             yield _explain(recording, node, rows, index)
 

@@ -44,6 +44,7 @@ def replay(
     from runtime.config.layers import read_assignments
     from runtime.time import nanoseconds
 
+    _refuse_unwritable(overlay)
     loaded = recording.load(file)
     changes = read_assignments(assignments).values if assignments else {}
     result = execute(loaded, service, changes, nanoseconds(start), keep=overlay is not None)
@@ -81,7 +82,23 @@ def inspect(
     """
     from replays.inspect.show import show
 
+    for out in (save, screenshot):
+        _refuse_unwritable(out)
     show(file, save, screenshot, at, web)
+
+
+def _refuse_unwritable(out: Path | None) -> None:
+    """Raise before the work begins if its result could not be written.
+
+    Raises:
+        CannotRecord: the folder is missing, or the name is a folder's.
+    """
+    from runtime.recorder.writer import CannotRecord
+
+    if out is not None and not out.parent.is_dir():
+        raise CannotRecord(f"cannot write {out}: there is no folder {out.parent}")
+    if out is not None and out.is_dir():
+        raise CannotRecord(f"cannot write {out}: it is a folder")
 
 
 def goldens(

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
-from replays.replay import Report
-from runtime.node import Sample
+from replays.result import Report
 from runtime.recorder.schema import message_type
+from runtime.sample import Sample
 from runtime.time import Time
 
 

@@ -19,9 +19,9 @@ from mcap.stream_reader import StreamReader
 from replays import integrity
 from runtime.errors import PushlaneError
 from runtime.messages import Journal, Reply, Request, Snapshot
-from runtime.node import Sample
 from runtime.recorder.header import CONFIG_NAME, FORMAT, METADATA_NAME, Header
 from runtime.recorder.viewer import PREFIX as VIEWER_PREFIX
+from runtime.sample import Sample
 
 
 class Unusable(PushlaneError):

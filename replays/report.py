@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from replays.replay import Comparison, Finding, NodeResult, Report, TopicResult
+from replays.result import Comparison, Finding, NodeResult, Report, TopicResult
 from runtime.time import seconds
 
 _MOST_FINDINGS = 10
+_LONGEST_TEXT = 240
 
 
 def text(report: Report) -> Iterator[str]:
@@ -18,8 +19,6 @@ def text(report: Report) -> Iterator[str]:
     yield f"{recording.path}: run {recording.header.run[:8]}, {recording.header.mode}, seed {recording.header.seed}"
     if recording.damage:
         yield f"  FILE {recording.damage}"
-    for topic, sequence in recording.doubled[:_MOST_FINDINGS]:
-        yield f"  FILE holds '{topic}' {sequence} more than once"
     yield from _comparison_lines(report)
     if report.changed:
         yield f"  changed for this replay: {', '.join(report.changed)}"
@@ -85,8 +84,10 @@ def _node_lines(node: NodeResult) -> Iterator[str]:
     for index, finding in enumerate(node.findings[:_MOST_FINDINGS]):
         first = "first " if index == 0 else ""
         yield f"  {first}at {seconds(finding.time):.3f} s, journal entry {finding.entry}: {finding.text}"
-    if node.findings:
-        yield f"  inputs: {', '.join(node.inputs) or 'none'}"
+    if node.inputs:
+        yield "  what it knew when it first diverged, newest last:"
+        for known in node.inputs:
+            yield f"    {known.topic} {known.sequence}: {known.text[:_LONGEST_TEXT]}"
     if len(node.findings) > _MOST_FINDINGS:
         yield f"  and {len(node.findings) - _MOST_FINDINGS} more findings"
 
@@ -132,6 +133,7 @@ def _node_json(node: NodeResult) -> dict[str, Any]:
             }
             for topic, row in node.topics.items()
         },
+        "inputs": [{"topic": one.topic, "sequence": one.sequence, "text": one.text} for one in node.inputs],
         "findings": [
             {
                 "entry": finding.entry,

@@ -56,7 +56,10 @@ def functions() -> Iterator[tuple[ModuleType, str]]:
 
 
 class SharedGenerator:
-    """Stands in for numpy's process-wide generator, which scipy draws from when given none."""
+    """Stands in for numpy's process-wide generator, for who takes it from numpy now.
+
+    scipy's distributions took it when they were imported: give them a generator of the service's own.
+    """
 
     def __init__(self, original: Any, refuse: Callable[[str], None]) -> None:
         self._original = original

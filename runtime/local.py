@@ -9,9 +9,11 @@ from runtime import topics
 from runtime.errors import PushlaneError
 from runtime.guard import Guard
 from runtime.messages import PushGoal, PushPhase, PushStatus, Reply
-from runtime.node import Node, Sample
-from runtime.scheduler import Scheduler, Sink, Steppable, Timing
+from runtime.node import Node
+from runtime.sample import Sample
+from runtime.scheduler import Scheduler, Sink, Timing
 from runtime.service import Service
+from runtime.steppable import Steppable
 from runtime.time import MILLISECOND, SECOND, Time, nanoseconds
 
 GOAL_TIME: Time = 200 * MILLISECOND

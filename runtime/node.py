@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
-from google.protobuf.message import DecodeError, Message
+from google.protobuf.message import Message
 
 from runtime import state, topics
 from runtime.errors import PushlaneError
@@ -19,49 +19,22 @@ from runtime.finite import nonfinite
 from runtime.guard import Guard
 from runtime.journal import JournalWriter
 from runtime.messages import EntryKind, Reply, Request, Snapshot
+from runtime.sample import INCARNATION, BadMessage, Sample, parse
 from runtime.service import Answer, Publication, Service
 from runtime.time import Time, nanoseconds
-
-INCARNATION = 1 << 24
-"""Numbers that one incarnation of a service has for itself; MCAP's sequence has 32 bits, which leaves 256."""
 
 _Out = tuple[str, bytes]  # topic, payload
 
 # Looked up once: protobuf's enum wrappers find their values by a Python call.
 _STARTED, _MESSAGE, _TIMER = EntryKind.STARTED, EntryKind.MESSAGE, EntryKind.TIMER
-_REQUEST, _PRODUCED, _REPLIED, _SNAPSHOT = (
-    EntryKind.REQUEST,
-    EntryKind.PRODUCED,
-    EntryKind.REPLIED,
-    EntryKind.SNAPSHOT,
-)
-
-
-class BadMessage(PushlaneError):
-    """A payload does not parse, or holds a number that is not finite."""
+_REQUEST, _PRODUCED, _REPLIED = EntryKind.REQUEST, EntryKind.PRODUCED, EntryKind.REPLIED
+_SNAPSHOT, _FINISHED = EntryKind.SNAPSHOT, EntryKind.FINISHED
 
 
 class BadHandler(PushlaneError):
     """A service broke its contract while running: this is a mistake in the service."""
 
     exit_code = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """A message with its envelope, as it travels and as it is recorded.
-
-    Attributes:
-        topic: name in the table of topics.
-        sequence: of this topic, from 1; (topic, sequence) names the message.
-        time: logical time of publication, ns.
-        payload: the encoded message.
-    """
-
-    topic: str
-    sequence: int
-    time: Time
-    payload: bytes
 
 
 @dataclass
@@ -153,7 +126,7 @@ class Node:
         Raises:
             BadMessage: it does not parse, or holds a number that is not finite.
         """
-        _parse(self._kinds[sample.topic], sample.payload, sample.topic)
+        parse(self._kinds[sample.topic], sample.payload, sample.topic)
 
     def consume(self, sample: Sample, now: Time, finish: Time) -> list[Sample]:
         """Give the service a message of one of its inputs at `now`; what it publishes is stamped `finish`.
@@ -162,7 +135,7 @@ class Node:
             BadMessage: the payload does not parse.
             BadHandler: the service broke its contract.
         """
-        message = _parse(self._kinds[sample.topic], sample.payload, sample.topic)
+        message = parse(self._kinds[sample.topic], sample.payload, sample.topic)
         self.journal.add(_MESSAGE, sample.topic, sample.sequence, now, sample.payload)
         self.host.consumed[sample.topic] = sample.sequence
         self.host.latest[sample.topic] = sample.payload
@@ -185,7 +158,7 @@ class Node:
             BadMessage: the payload does not parse as the request's type.
         """
         source = self.contract.requests[request.name]
-        message = _parse(source.message, request.payload, request.name)
+        message = parse(source.message, request.payload, request.name)
         self.journal.add(_REQUEST, request.name, request.id, now, request.payload)
         outs, answers = self._run(request.name, self._handlers[request.name], message, now)
         if len(answers) != 1:
@@ -219,6 +192,11 @@ class Node:
         snapshot.digest = self.journal.digest
         payload = snapshot.SerializeToString(deterministic=True)
         return Sample(topics.snapshot(self.name).name, snapshot.number, now, payload)
+
+    def end(self, now: Time) -> Sample | None:
+        """End the service's life in good order. Returns the last journal batch."""
+        self.journal.add(_FINISHED, "", 0, now)
+        return self.flush(now)
 
     def flush(self, now: Time) -> Sample | None:
         """Return the journal entries since the last flush as a sample, or None if there are none."""
@@ -300,7 +278,7 @@ class Node:
             if topic not in self._kinds:
                 raise state.BadSnapshot(f"snapshot of '{self.name}' has an input '{topic}' that it does not know")
             try:
-                latest[topic] = _parse(self._kinds[topic], payload, topic)
+                latest[topic] = parse(self._kinds[topic], payload, topic)
             except BadMessage as error:
                 raise state.BadSnapshot(f"snapshot of '{self.name}': {error}") from error
         with self._guarded("restore"):
@@ -312,15 +290,3 @@ class Node:
     def _number(self, topic: str) -> int:
         number = self.host.produced[topic] = self.host.produced.get(topic, 0) + 1
         return number
-
-
-def _parse(kind: type[Message], payload: bytes, topic: str) -> Message:
-    message = kind()
-    try:
-        message.ParseFromString(payload)
-    except DecodeError as error:
-        raise BadMessage(f"'{topic}': {len(payload)} bytes are no {kind.__name__}: {error}") from error
-    bad = nonfinite(message)
-    if bad is not None:
-        raise BadMessage(f"'{topic}': {bad} is not finite")
-    return message

@@ -13,36 +13,16 @@ import heapq
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from runtime import topics
 from runtime.errors import PushlaneError
 from runtime.messages import Request
-from runtime.node import Sample
-from runtime.service import Contract
+from runtime.sample import Sample
+from runtime.steppable import Steppable
 from runtime.time import MILLISECOND, SECOND, Time
 from runtime.topics import TOPICS, Delivery
 
 Sink = Callable[[Sample], None]
-
-
-class Steppable(Protocol):
-    """What the scheduler steps: a node, here or in another process. See `runtime.node.Node` for the meaning."""
-
-    name: str
-    contract: Contract
-
-    @property
-    def start(self) -> Time: ...
-    def begin(self, now: Time) -> list[Sample]: ...
-    def due(self) -> list[tuple[Time, str]]: ...
-    def period(self, timer: str) -> Time: ...
-    def consume(self, sample: Sample, now: Time, finish: Time) -> list[Sample]: ...
-    def fire(self, timer: str, number: int, now: Time, finish: Time) -> list[Sample]: ...
-    def ask(self, request: Request, now: Time, finish: Time) -> list[Sample]: ...
-    def take_snapshot(self, now: Time) -> Sample: ...
-    def flush(self, now: Time) -> Sample | None: ...
-
 
 _Work = Callable[[Steppable, Time, Time], list[Sample]]
 
@@ -183,7 +163,9 @@ class Scheduler:
                 self._sink(sample)
         self._unsent.clear()
         for seat in self._seats.values():
-            self._flush(seat)
+            batch = seat.node.end(self.now)
+            if batch is not None:
+                self._sink(batch)
 
     @property
     def dropped(self) -> dict[str, int]:

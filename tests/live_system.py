@@ -20,7 +20,7 @@ from runtime.bus.session import client
 from runtime.config.layers import Layer
 from runtime.live.launcher import Launcher
 from runtime.messages import PushGoal, PushPhase, PushStatus, Reply, Truth, VelocityCommand
-from runtime.node import Sample
+from runtime.sample import Sample
 
 START_LIMIT = 60.0
 

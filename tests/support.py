@@ -13,7 +13,8 @@ import msgspec
 from runtime import topics
 from runtime.guard import Guard
 from runtime.messages import CancelRequest, ObjectState, Odometry, PushTarget, RobotPose, VelocityCommand
-from runtime.node import Node, Sample
+from runtime.node import Node
+from runtime.sample import Sample
 from runtime.scheduler import Scheduler, Timing
 from runtime.service import Effects, Input, Output, RequestInput, Service, Timer, on
 from runtime.time import Time

@@ -88,6 +88,11 @@ def test_a_failed_push_exits_with_1_and_is_kept(tmp_path: Path) -> None:
         (["--config", "missing.toml"], "cannot read missing.toml"),
         (["--set", "timing.latency.nothing=1.0"], "no topic 'nothing'"),
         (["-o", "no/such/folder.mcap"], "cannot write no/such/folder.mcap"),
+        (["-o", "."], ". is there already"),
+        (["--set", "learner.r0=9"], "--set: learner: r0 is 9, expected less than c, 7"),
+        (["--set", "task.strategy=brave"], "--set: task: no strategy is called 'brave'; expected one of strict"),
+        (["--set", "perception.latency_low=0.5"], "--set: perception: latency_low is 0.5 s"),
+        (["--set", "driver.scene.boxes=[]"], "--set: driver.scene and perception.scene differ"),
     ],
 )
 def test_mistakes_are_named_in_one_line(arguments: list[str], words: str, tmp_path: Path) -> None:
@@ -97,6 +102,30 @@ def test_mistakes_are_named_in_one_line(arguments: list[str], words: str, tmp_pa
     assert words in ran.stderr
     assert len(ran.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_that_is_there_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"precious")
+    for arguments in (SHORT, ["--goal", "100", "100"]):
+        ran = pushlane("sim", *arguments, "-o", "a.mcap", cwd=tmp_path)
+        assert ran.returncode == 2
+        assert "a.mcap is there already" in ran.stderr
+        assert (tmp_path / "a.mcap").read_bytes() == b"precious"
+    ran = pushlane("sim", *SHORT, "--time-limit", "1", "-o", "a.mcap", "--overwrite", cwd=tmp_path)
+    assert ran.returncode == 1
+    assert len((tmp_path / "a.mcap").read_bytes()) > 1000
+
+
+def test_results_that_cannot_be_written_are_refused_first(tmp_path: Path) -> None:
+    assert pushlane("sim", *SHORT, "--time-limit", "1", "-o", "a.mcap", cwd=tmp_path).returncode == 1
+    for arguments in (["inspect", "a.mcap", "--save", "no/x.rrd"], ["replay", "a.mcap", "--overlay", "no/x.rrd"]):
+        ran = pushlane(*arguments, cwd=tmp_path)
+        assert ran.returncode == 2
+        assert "cannot write no/x.rrd" in ran.stderr
+        assert "Traceback" not in ran.stderr
+    ran = pushlane("replay", "a.mcap", "--set", "wheel.x=1", cwd=tmp_path)
+    assert ran.returncode == 2
+    assert "no section 'wheel'" in ran.stderr
 
 
 def test_the_list_names_everything() -> None:
@@ -112,6 +141,7 @@ def test_the_list_names_everything() -> None:
 def test_config_show_says_where_values_come_from_and_reads_back(tmp_path: Path) -> None:
     (tmp_path / "my.toml").write_text("[controller]\nspeed = 0.2\n")
     arguments = ["config", "show", "--config", "my.toml", "--set", "learner.window=0.05"]
+    arguments += ["--set", "timing.latency.command>driver=0.02"]
     shown = pushlane(*arguments, cwd=tmp_path)
     lines = {line.split(" = ")[0]: line for line in shown.stdout.splitlines() if " = " in line}
     assert lines["speed"].endswith("# my.toml")

@@ -15,7 +15,8 @@ from runtime import registry
 from runtime.config.layers import Layer
 from runtime.guard import Guard
 from runtime.messages import CancelRequest, PushGoal, Request, Snapshot, Vector2
-from runtime.node import Node, Sample
+from runtime.node import Node
+from runtime.sample import Sample
 from runtime.time import MILLISECOND, Time
 from runtime.topics import TOPICS
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 from runtime.errors import PushlaneError
-from runtime.node import Sample
+from runtime.sample import Sample
 from runtime.time import Time
 
 _ENVELOPE = struct.Struct("<Qq")

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 from importlib import import_module
 from typing import Annotated
 
 import typer
 
 from runtime.cli.options import Assignments, ConfigFile, layers
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 app = typer.Typer(no_args_is_help=True, help="Look at settings.")
 
@@ -51,6 +54,7 @@ def show(
         if head != current:
             typer.echo(f"{'' if not current else chr(10)}[{head}]")
             current = head
+        name = ".".join(part if _BARE.fullmatch(part) else json.dumps(part) for part in name.split("."))
         text = f"{name} = {_toml(value)}" if value is not None else f"# {name} is not set"
         typer.echo(f"{text:<40} # {origin}")
 

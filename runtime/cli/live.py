@@ -56,6 +56,8 @@ def run(
     names = _chosen(plan.nodes, only or [], hosts, host)
     if output is not None and not output.parent.is_dir():
         raise ConfigError(f"cannot write {output}: there is no folder {output.parent}")
+    if output is not None and output.exists():
+        raise ConfigError(f"{output} is there already: choose another name")
     launcher = Launcher(plan, session.effective.sections["bus"], names, output, join)
     signal.signal(signal.SIGINT, lambda *_: launcher.stop())
     signal.signal(signal.SIGTERM, lambda *_: launcher.stop())

@@ -77,8 +77,8 @@ def echo(
     from google.protobuf.text_format import MessageToString
 
     from runtime.live.watch import listen
-    from runtime.node import Sample
     from runtime.recorder.schema import message_type
+    from runtime.sample import Sample
 
     def show(sample: Sample) -> None:
         text = MessageToString(message_type(sample.topic).FromString(sample.payload), as_one_line=True)

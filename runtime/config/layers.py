@@ -145,6 +145,7 @@ def _merge(into: Values, values: Values, origin: str, prefix: str, origins: dict
             _merge(into.setdefault(key, {}), value, origin, f"{path}.", origins)
         else:
             into[key] = copy.deepcopy(value)
+            origins.pop(path, None)  # so that the order of origins is that of the layers
             for known in [one for one in origins if one.startswith(f"{path}.")]:
                 del origins[known]
             origins[path] = origin
@@ -200,7 +201,9 @@ def _origin(key: str, origins: dict[str, str]) -> str:
     """Return where the value at `key` came from, or that of a key above or below it."""
     plain = re.sub(r"\[[^]]*\]", "", key)
     above = next((origins[part] for part in _prefixes(plain) if part in origins), None)
-    return above or next((origin for known, origin in origins.items() if known.startswith(f"{plain}.")), "default")
+    # Below: the layer that spoke last is the one that upset what held before.
+    below = [origin for known, origin in origins.items() if known.startswith(f"{plain}.")]
+    return above or (below[-1] if below else "default")
 
 
 def _known_fields(kind: type, path: str) -> list[str]:

@@ -23,7 +23,8 @@ from runtime.live.clock import Clock
 from runtime.live.config import LiveConfig
 from runtime.live.inbox import Busy, Inbox
 from runtime.messages import Health, InputHealth, Reply, Request, Snapshot
-from runtime.node import INCARNATION, BadMessage, Node, Sample
+from runtime.node import Node
+from runtime.sample import INCARNATION, BadMessage, Sample
 from runtime.time import Time, nanoseconds, seconds
 from runtime.topics import TOPICS, Delivery
 
@@ -86,7 +87,8 @@ class LiveHost:
             self._send(self._node.begin(self._clock.now(), self._incarnation, self._last))
             self._ask_for_latched()
             self._loop()
-            self._flush(self._clock.now())
+            last = self._node.end(self._clock.now())
+            self._send([] if last is None else [last])
         finally:
             for one in declared:
                 one.undeclare()

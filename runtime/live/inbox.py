@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import zenoh
 
-from runtime.node import INCARNATION, Sample
+from runtime.sample import INCARNATION, Sample
 from runtime.time import Time
 
 _MOST_LIVES = 255

@@ -24,9 +24,9 @@ from runtime.bus.session import client
 from runtime.errors import PushlaneError
 from runtime.live.host import fail
 from runtime.live.plan import Plan
-from runtime.node import Sample
 from runtime.recorder import header
 from runtime.recorder.writer import Recorder
+from runtime.sample import Sample
 from runtime.topics import TOPICS
 
 _PATIENCE = 10.0

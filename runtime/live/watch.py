@@ -15,7 +15,7 @@ from runtime.bus import envelope
 from runtime.bus.config import BusConfig
 from runtime.bus.keys import Keys
 from runtime.bus.session import client
-from runtime.node import Sample
+from runtime.sample import Sample
 
 
 @dataclass

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from runtime.node import Sample
+from runtime.sample import Sample
 from runtime.time import Time
 
 
@@ -62,11 +62,17 @@ class Flush(msgspec.Struct, frozen=True, tag="flush"):
     now: Time
 
 
+class End(msgspec.Struct, frozen=True, tag="end"):
+    """End the service's life."""
+
+    now: Time
+
+
 class Stop(msgspec.Struct, frozen=True, tag="stop"):
     """End the process."""
 
 
-Step = Build | Begin | Consume | Fire | Ask | Snap | Flush | Stop
+Step = Build | Begin | Consume | Fire | Ask | Snap | Flush | End | Stop
 
 
 class Done(msgspec.Struct, frozen=True):

@@ -9,7 +9,7 @@ from runtime.bus.keys import Keys
 from runtime.errors import PushlaneError
 from runtime.lockstep import protocol
 from runtime.messages import Request
-from runtime.node import Sample
+from runtime.sample import Sample
 from runtime.service import Service
 from runtime.time import Time, nanoseconds
 
@@ -80,6 +80,11 @@ class RemoteNode:
     def flush(self, now: Time) -> Sample | None:
         """Return the journal entries since the last flush, or None."""
         samples = self._step(protocol.Flush(now))
+        return samples[0] if samples else None
+
+    def end(self, now: Time) -> Sample | None:
+        """End the service's life in good order. Returns the last journal batch."""
+        samples = self._step(protocol.End(now))
         return samples[0] if samples else None
 
     def stop(self) -> None:

@@ -22,7 +22,8 @@ from runtime.errors import PushlaneError
 from runtime.guard import Guard
 from runtime.lockstep import protocol
 from runtime.messages import Request
-from runtime.node import Node, Sample
+from runtime.node import Node
+from runtime.sample import Sample
 
 
 class _Stopped(Exception):
@@ -75,6 +76,9 @@ class Worker:
                 return [node.take_snapshot(now)]
             case protocol.Flush(now):
                 batch = node.flush(now)
+                return [] if batch is None else [batch]
+            case protocol.End(now):
+                batch = node.end(now)
                 return [] if batch is None else [batch]
         raise PushlaneError(f"worker '{self._name}' does not know the step {type(step).__name__}")
 

@@ -17,6 +17,7 @@ class EntryKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     PRODUCED: _ClassVar[EntryKind]
     REPLIED: _ClassVar[EntryKind]
     SNAPSHOT: _ClassVar[EntryKind]
+    FINISHED: _ClassVar[EntryKind]
 ENTRY_UNSPECIFIED: EntryKind
 STARTED: EntryKind
 MESSAGE: EntryKind
@@ -25,6 +26,7 @@ REQUEST: EntryKind
 PRODUCED: EntryKind
 REPLIED: EntryKind
 SNAPSHOT: EntryKind
+FINISHED: EntryKind
 
 class Journal(_message.Message):
     __slots__ = ("node", "first", "names", "kind", "name", "sequence", "time", "digest")

@@ -22,7 +22,7 @@ from runtime.time import SECOND
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-    from runtime.node import Sample
+    from runtime.sample import Sample
 
 PREFIX = "viewer/"
 _GRID_TYPE = "nav_msgs/msg/OccupancyGrid"

@@ -12,10 +12,10 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from runtime.errors import PushlaneError
-from runtime.node import Sample
 from runtime.recorder.header import CONFIG_NAME, METADATA_NAME, Header
 from runtime.recorder.schema import descriptor_set, message_type
 from runtime.recorder.viewer import ViewerChannels
+from runtime.sample import Sample
 
 FLUSH_PERIOD = 0.2
 """s between chunk closings; with the time one takes, a kill loses at most 0.25 s."""
@@ -31,19 +31,22 @@ class Recorder:
     A thread closes the open chunk and writes it to disk every `FLUSH_PERIOD`, also when nothing new comes.
 
     Args:
-        path: a new file, or one to overwrite.
+        path: a new file.
         header: written first, so that a cut file still says what it is.
         config: the effective configuration as JSON.
+        overwrite: replace a file that is there; otherwise it is left alone.
 
     Raises:
-        CannotRecord: the file cannot be opened.
+        CannotRecord: the file cannot be opened, or is there already.
     """
 
-    def __init__(self, path: Path, header: Header, config: bytes) -> None:
+    def __init__(self, path: Path, header: Header, config: bytes, overwrite: bool = False) -> None:
         self.path = path
         self.count = 0
         try:
-            self._file = path.open("wb")
+            self._file = path.open("wb" if overwrite else "xb")
+        except FileExistsError as error:
+            raise CannotRecord(f"{path} is there already: choose another name, or say --overwrite") from error
         except OSError as error:
             raise self._cannot(error) from error
         self._failure: OSError | None = None

@@ -11,6 +11,10 @@ class ControllerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
     rate: Annotated[float, Meta(ge=1, le=200, description="Hz, of commands")] = 20.0
     speed: Annotated[float, Meta(gt=0, le=2, description="V, m/s")] = 0.3
+    approach_deceleration: Annotated[
+        float, Meta(ge=0, le=10, description="m/s^2, slow down towards the goal as if braking so; 0: V throughout")
+    ] = 0.15
+    approach_speed: Annotated[float, Meta(gt=0, le=2, description="m/s, least speed of the approach")] = 0.1
     k_gamma: Annotated[float, Meta(ge=0, le=10, description="K_gamma, gain on gamma in (8)")] = 0.1
     k_mu_gamma: Annotated[float, Meta(ge=0, le=10, description="K_mu_gamma, gain on the mean of gamma in (8)")] = 0.05
     centroid_k_g: Annotated[float, Meta(gt=0, le=10, description="1/s, K_g of centroid alignment")] = 0.2

@@ -21,3 +21,7 @@ class LearnerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
         Meta(description="alphas that count as good: |gamma| decreased (the paper), or |gamma| below small_gamma"),
     ] = "decreasing"
     small_gamma: Annotated[float, Meta(gt=0, le=3.15, description="rad, for accept = small")] = 0.3
+
+    def __post_init__(self) -> None:
+        if self.r0 >= self.c:
+            raise ValueError(f"r0 is {self.r0:g}, expected less than c, {self.c:g}")

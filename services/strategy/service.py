@@ -18,6 +18,10 @@ from services.strategy.config import StrategyConfig
 from services.strategy.target import Target
 
 
+class UnknownStrategy(ValueError):
+    """A goal asks for a strategy that there is not. The task refuses such goals."""
+
+
 @dataclass
 class StrategyState:
     """What the service goes on from: all it knows are its inputs."""
@@ -92,4 +96,6 @@ class StrategyService(Service):
                 strict_fallback=config.strict_fallback,
                 relaxed_fallback=config.relaxed_fallback,
             )
-        return "fixed-lookahead", lookahead.choose(corridor, o, d_r, d_o, config.lookahead)
+        if name == "fixed-lookahead":
+            return name, lookahead.choose(corridor, o, d_r, d_o, config.lookahead)
+        raise UnknownStrategy(f"no strategy is called '{name}'")

@@ -5,6 +5,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from services.names import CONTROLLERS, STRATEGIES
+
 
 class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Settings of the task service (Sec. 6.2). What a goal leaves open is taken from here."""
@@ -27,3 +29,11 @@ class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     planning_limit: Annotated[float, Meta(gt=0, le=600, description="s to wait for a corridor")] = 10.0
     stall_after: Annotated[float, Meta(gt=0, le=36000, description="s without progress before the push fails")] = 60.0
     stall_progress: Annotated[float, Meta(gt=0, le=5, description="m that count as progress")] = 0.05
+
+    def __post_init__(self) -> None:
+        for what, name, known in (
+            ("strategy", self.strategy, STRATEGIES),
+            ("controller", self.controller, CONTROLLERS),
+        ):
+            if name not in known:
+                raise ValueError(f"no {what} is called '{name}'; expected one of {', '.join(known)}")

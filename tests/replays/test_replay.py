@@ -5,13 +5,15 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from replays import chain, report
 from replays.recording import Unusable, load
-from replays.replay import Comparison, Report, replay
+from replays.replay import replay
+from replays.result import Comparison, Report
 from runtime import registry
 from runtime.guard import Nondeterministic
 from runtime.journal import Entry
@@ -20,7 +22,7 @@ from runtime.recorder.header import Header
 from runtime.service import Effects, Service
 from runtime.time import SECOND, Time
 from services.strategy.service import StrategyService
-from tests.replays.tampering import Change, altered, journal_changed, put, rewrite, rows_of
+from tests.replays.tampering import Change, Row, altered, journal_changed, put, rewrite, rows_of
 
 NODES = ["driver", "perception", "corridor", "strategy", "learner", "controller", "task"]
 
@@ -177,6 +179,74 @@ def test_a_missing_batch_is_named(session_file: Path, tmp_path: Path) -> None:
     found = replayed(tampered(session_file, tmp_path, drop), "learner")
     assert "entries are missing" in found.nodes[0].findings[0].text
     assert not found.nodes[0].complete
+
+
+def test_a_journal_without_its_end_is_named(session_file: Path, tmp_path: Path) -> None:
+    def cut(rows: list) -> list:
+        batches = [row for row in rows if row.topic == "journal/task"]
+        return [row for row in rows if row not in batches[len(batches) // 2 :]]
+
+    found = replayed(tampered(session_file, tmp_path, cut), "task")
+    texts = [finding.text for finding in found.nodes[0].findings]
+    assert any("has no end" in text for text in texts)
+    assert any("no journal says that 'task' gave it" in text for text in texts)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_dropping_the_last_entries_is_named(session_file: Path, tmp_path: Path, count: int) -> None:
+    last = chain.read(load(session_file), "controller")[-1]
+
+    def drop(batch: Journal, _: int) -> None:
+        put(batch, rows_of(batch)[:-count])
+
+    found = replayed(tampered(session_file, tmp_path, journal_changed("controller", last.number, drop)), "controller")
+    assert any("has no end" in finding.text for finding in found.nodes[0].findings)
+
+
+def test_a_message_that_was_put_in_is_named(session_file: Path, tmp_path: Path) -> None:
+    def add(rows: list[Row]) -> list[Row]:
+        model = next(row for row in rows if row.topic == "command")
+        return [*rows, replace(model, sequence=9999)]
+
+    found = replayed(tampered(session_file, tmp_path, add), "controller")
+    assert [(f.topic, f.sequence) for f in found.nodes[0].findings] == [("command", 9999)]
+
+
+def test_a_second_message_of_one_name_is_named(session_file: Path, tmp_path: Path) -> None:
+    def double(rows: list[Row]) -> list[Row]:
+        model = next(row for row in rows if (row.topic, row.sequence) == ("push/target", 50))
+        return [*rows, replace(model, data=model.data + b"\x38\x01")]
+
+    found = replayed(tampered(session_file, tmp_path, double), "strategy")
+    assert [(f.topic, f.sequence) for f in found.nodes[0].findings] == [("push/target", 50)]
+
+
+def test_a_moved_time_of_publication_is_named(session_file: Path, tmp_path: Path) -> None:
+    def move(rows: list[Row]) -> list[Row]:
+        return [
+            replace(row, time=row.time + SECOND) if (row.topic, row.sequence) == ("command", 70) else row
+            for row in rows
+        ]
+
+    found = replayed(tampered(session_file, tmp_path, move), "controller")
+    assert [(f.topic, f.sequence) for f in found.nodes[0].findings] == [("command", 70)]
+
+
+def test_the_first_divergence_comes_with_what_the_service_knew(session_file: Path) -> None:
+    loaded = load(session_file)
+    found = replay(loaded, ["controller"], {"controller": {"k_gamma": 0.3}})
+    known = {one.topic: one for one in found.nodes[0].inputs}
+    assert {"robot/pose", "object/state", "push/target", "push/behaviour"} <= set(known)
+    behaviour = known["push/behaviour"]
+    recorded = loaded.samples[("push/behaviour", behaviour.sequence)]
+    assert recorded.time <= report.first_finding(found).time
+    assert behaviour.text.startswith("stamp: ")
+    assert any("push/behaviour" in line and "gamma" in line for line in report.text(found))
+
+
+def test_an_unknown_section_is_refused(session_file: Path) -> None:
+    with pytest.raises(Unusable, match="no section 'wheel'"):
+        replay(load(session_file), None, {"wheel": {"x": 1}})
 
 
 def test_a_message_that_was_not_recorded_is_named(session_file: Path, tmp_path: Path) -> None:

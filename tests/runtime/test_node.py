@@ -28,7 +28,8 @@ from runtime.messages import (
     Snapshot,
     VelocityCommand,
 )
-from runtime.node import BadHandler, BadMessage, Node, Sample
+from runtime.node import BadHandler, Node
+from runtime.sample import BadMessage, Sample
 from runtime.service import Answer, Effects, Input, Output, Publication, RequestInput, Service, Timer, on
 from runtime.time import MILLISECOND, Time
 from tests.support import Count, Listener, Nothing, Pace

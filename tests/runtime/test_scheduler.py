@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from runtime import topics
 from runtime.messages import CancelRequest, Journal, PushGoal, PushTarget, Reply, Request, Snapshot, Truth
-from runtime.node import Node, Sample
+from runtime.node import Node
 from runtime.recorder.header import of_this_machine
 from runtime.recorder.writer import Recorder
+from runtime.sample import Sample
 from runtime.scheduler import BadSystem, Scheduler, Timing
 from runtime.service import Effects, Input, Output, RequestInput, Service, Timer, on
 from runtime.time import MILLISECOND, SECOND, Time
@@ -257,7 +258,7 @@ def test_snapshots_and_journals_come_in_their_periods() -> None:
         assert [sample.time for sample in snapshots] == ms(0, 500, 1000, 1500, 2000)
         assert [sample.sequence for sample in snapshots] == [1, 2, 3, 4, 5]
         journals = tape.of(f"journal/{node}")
-        assert [sample.time for sample in journals] == ms(*range(250, 2001, 250))
+        assert [sample.time for sample in journals] == ms(*range(250, 2001, 250), 2000)
         firsts = [Journal.FromString(sample.payload) for sample in journals]
         ends = [batch.first + len(batch.kind) for batch in firsts]
         assert [batch.first for batch in firsts] == [0, *ends[:-1]]
@@ -267,7 +268,7 @@ def test_a_quiet_service_publishes_no_empty_batches() -> None:
     scheduler, tape = schedule([Silent(Nothing())], Timing(snapshot_period=1000 * SECOND))
     scheduler.run(3 * SECOND)
     scheduler.finish()
-    assert len(tape.of("journal/silent")) == 1  # its start and its first snapshot
+    assert len(tape.of("journal/silent")) == 2  # its start and first snapshot, and its end
 
 
 def test_finish_leaves_nothing_in_the_journals() -> None:
@@ -275,8 +276,8 @@ def test_finish_leaves_nothing_in_the_journals() -> None:
     scheduler.run(249 * MILLISECOND)
     scheduler.finish()
     rows = [Journal.FromString(sample.payload) for sample in tape.of("journal/odometry-source")]
-    # started, snapshot, and twice fired and produced
-    assert sum(len(batch.kind) for batch in rows) == 6
+    # started, snapshot, twice fired and produced, finished
+    assert sum(len(batch.kind) for batch in rows) == 7
 
 
 def test_stop_ends_the_run_after_the_event() -> None:

@@ -16,7 +16,7 @@ from runtime.bus import envelope
 from runtime.bus.session import client
 from runtime.live.inbox import Inbox
 from runtime.messages import Health, PushOutcome, PushPhase
-from runtime.node import INCARNATION, Sample
+from runtime.sample import INCARNATION, Sample
 from tests.live_system import System, running, short_session
 
 GARBAGE = 100_000

@@ -23,7 +23,7 @@ WRITER = """
 import os, struct, sys, time
 from pathlib import Path
 from runtime.messages import Odometry, OccupancyGrid
-from runtime.node import Sample
+from runtime.sample import Sample
 from runtime.recorder.header import of_this_machine
 from runtime.recorder.writer import Recorder
 

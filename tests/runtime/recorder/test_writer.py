@@ -32,10 +32,10 @@ from runtime.messages import (
     PushGoal,
     Snapshot,
 )
-from runtime.node import Sample
 from runtime.recorder.header import CONFIG_NAME, METADATA_NAME, Header, of_this_machine
 from runtime.recorder.schema import descriptor_set, message_type
 from runtime.recorder.writer import CannotRecord, Recorder
+from runtime.sample import Sample
 from runtime.topics import TOPICS
 from tests.support import ROOT
 
@@ -278,7 +278,7 @@ def test_a_place_that_cannot_be_written_is_refused_by_name(tmp_path: Path) -> No
 FULL_DISK = """
 import resource, signal, sys, time
 from pathlib import Path
-from runtime.node import Sample
+from runtime.sample import Sample
 from runtime.recorder.header import Header
 from runtime.recorder.writer import CannotRecord, Recorder
 
