@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import cos, pi, radians, sin
 from typing import Annotated
 
@@ -71,7 +72,7 @@ def laser_scan(
     c, s = cos(theta), sin(theta)
     place = np.array([x + c * laser.x - s * laser.y, y + s * laser.x + c * laser.y])
     origin = np.ascontiguousarray(np.broadcast_to(place, (laser.beams, 2)))
-    bearing = theta + laser.yaw + laser.bearings()
+    bearing = theta + laser.yaw + _laser_bearings(laser)
     distance = cast(origin, bearing, laser.maximum, seen.boxes, seen.discs)
     noisy = _noisy(distance, laser.minimum, laser.maximum, noise, generator)
     return np.asarray(np.where(noisy < laser.maximum, laser.step * np.rint(noisy / laser.step), laser.maximum))
@@ -86,12 +87,22 @@ def ring_ranges(
     deviation of a sensor that met something.
     """
     x, y, theta = robot_pose
-    bearing = theta + ring.bearings()
+    bearing = theta + _ring_bearings(ring)
     place = np.array([x, y]) + ring.radius * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
     spread = np.array([-ring.cone, 0.0, ring.cone])
     rays = np.ascontiguousarray((bearing[:, None] + spread).ravel())
     distance = cast(np.repeat(place, 3, axis=0), rays, ring.maximum, seen.boxes, seen.discs)
     return _noisy(distance.reshape(-1, 3).min(axis=1), ring.minimum, ring.maximum, noise, generator)
+
+
+@cache
+def _laser_bearings(laser: Laser) -> NDArray[np.float64]:
+    return laser.bearings()
+
+
+@cache
+def _ring_bearings(ring: RangeRing) -> NDArray[np.float64]:
+    return ring.bearings()
 
 
 def _noisy(

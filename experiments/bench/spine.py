@@ -70,14 +70,14 @@ def main() -> None:
     run(session)  # warm up
     with TemporaryDirectory() as folder:
         file = Path(folder) / "session.mcap"
-        simulated = seconds(run(session, file).end)
+        simulated = seconds(run(session, file, overwrite=True).end)
         yardstick = _best(lambda: _bare_physics(session, simulated))
         print(f"one push of {simulated:.1f} simulated s ({session.sim.scene}), medians of {_RUNS} runs, one process")
         for label, work in (
             ("bare physics, the yardstick", lambda: _bare_physics(session, simulated)),
             ("all services, no recorder", lambda: run(session)),
-            ("all services, recorder on", lambda: run(session, file)),
-            ("the same, handlers unguarded", lambda: run(session, file, guarded=False)),
+            ("all services, recorder on", lambda: run(session, file, overwrite=True)),
+            ("the same, handlers unguarded", lambda: run(session, file, guarded=False, overwrite=True)),
             ("replay of all services and the driver", lambda: replay(load(file))),
         ):
             took = _best(work)
@@ -102,7 +102,7 @@ def _parts(session: Session, file: Path, simulated: float) -> None:
         ):
             stack.enter_context(_timed(watch, owner, name, label))
         begin = perf_counter()
-        run(session, file)
+        run(session, file, overwrite=True)
         total = perf_counter() - begin
     watch.spent["scheduler, decoding, the rest"] = total - sum(watch.spent.values())
     print(f"  by part, instrumented (which itself slows it), {1000 * total / simulated:.2f} ms a simulated s:")
