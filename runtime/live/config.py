@@ -17,7 +17,7 @@ class LiveConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     beat_period: Annotated[float, Meta(ge=0.02, le=5, description="s between heartbeats")] = 0.1
     frozen_after: Annotated[
         float, Meta(ge=0.2, le=60, description="s without a heartbeat after which a service is killed and restarted")
-    ] = 1.0
+    ] = 2.0
     restarts: Annotated[int, Meta(ge=0, le=200, description="restarts of a service before the launcher gives up")] = 20
     back_off: Annotated[float, Meta(ge=0, le=60, description="s before the second restart, doubled each time")] = 0.1
     largest: Annotated[int, Meta(ge=1024, le=1 << 30, description="bytes of a payload above which it is refused")] = (
