@@ -29,9 +29,6 @@ _Work = Callable[[Steppable, Time, Time], list[Sample]]
 _SEND, _MESSAGE, _TIMER, _SNAPSHOT, _FLUSH = range(5)
 _WAKE = _MESSAGE
 
-# Stands in for mapping and tracker until those exist.
-_MAY_SEE_TRUTH = ("perception",)
-
 
 class BadSystem(PushlaneError):
     """The services do not make a system: a topic with two publishers, an unknown node, and the like."""
@@ -186,7 +183,7 @@ class Scheduler:
                     raise BadSystem(f"request '{request}' is answered by '{answerers[request]}' and '{name}'")
                 answerers[request] = name
             for topic, source in seat.node.contract.inputs.items():
-                if source.topic.scoring_only and name not in _MAY_SEE_TRUTH:
+                if source.topic.scoring_only and not seat.node.contract.sees_truth:
                     raise BadSystem(f"service '{name}' subscribes to '{topic}', which is for scoring only")
                 latest = source.delivery is Delivery.LATEST
                 latency = self._timing.link(topic, name)

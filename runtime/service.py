@@ -140,6 +140,7 @@ class Contract:
     timers: dict[str, Timer]
     requests: dict[str, RequestInput[Any]]
     handlers: dict[str, str]  # name of a topic, timer or request -> name of the method
+    sees_truth: bool  # may subscribe to what is for scoring only
 
 
 class Service:
@@ -153,6 +154,8 @@ class Service:
     name: ClassVar[str]
     Config: ClassVar[type[Any]]
     contract: ClassVar[Contract]
+    sees_truth: ClassVar[bool] = False
+    """Only what stands in for perception may take what is for scoring only."""
 
     state: object
     latest: dict[str, Message]
@@ -231,4 +234,5 @@ def _read_contract(cls: type[Service]) -> Contract:
         timers=timers,
         requests={value.name: value for value in requests},
         handlers=handlers,
+        sees_truth=cls.sees_truth,
     )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from math import cos, hypot, pi, sin, sqrt
+from math import cos, hypot, sin, sqrt
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+from drivers.sapien.angles import wrap
 
 Vector = tuple[float, float, float]
 
@@ -45,7 +47,7 @@ class DriftingOdometry:
         c, s = cos(theta), sin(theta)
         gone_x, gone_y = float(robot_pose[0]) - x, float(robot_pose[1]) - y
         ahead, aside = c * gone_x + s * gone_y, -s * gone_x + c * gone_y
-        turned = _wrapped(float(robot_pose[2]) - theta)
+        turned = wrap(float(robot_pose[2]) - theta)
         way = hypot(ahead, aside)
         draw_x, draw_y, draw_turn = (float(one) for one in generator.standard_normal(3))
         error_turn = sqrt(self._turn**2 * abs(turned) + self._heading**2 * way) * draw_turn
@@ -53,7 +55,7 @@ class DriftingOdometry:
         aside += self._distance * sqrt(way) * draw_y
         rx, ry, rt = self.state.reading
         c, s = cos(rt), sin(rt)
-        reading = (rx + c * ahead - s * aside, ry + s * ahead + c * aside, _wrapped(rt + turned + error_turn))
+        reading = (rx + c * ahead - s * aside, ry + s * ahead + c * aside, wrap(rt + turned + error_turn))
         self.state = OdometryState(
             true=_vector(robot_pose),
             reading=reading,
@@ -61,11 +63,6 @@ class DriftingOdometry:
             turned=self.state.turned + abs(turned),
         )
         return np.array(reading)
-
-
-def _wrapped(angle: float) -> float:
-    """Return `angle` in (-pi, pi]."""
-    return float(angle - 2 * pi * np.ceil((angle - pi) / (2 * pi)))
 
 
 def _vector(pose: NDArray[np.float64]) -> Vector:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from drivers.sapien.angles import wrap
 from drivers.sapien.config import TruthPerceptionConfig
 from drivers.sapien.occupancy import rasterise
 from runtime import topics
@@ -31,6 +31,7 @@ class TruthPerception(Service):
     """Publishes robot/pose, map and object/state from the simulation's truth."""
 
     name = "perception"
+    sees_truth = True
     Config = TruthPerceptionConfig
 
     truth = Input(topics.TRUTH)
@@ -55,7 +56,7 @@ class TruthPerception(Service):
         robot = Pose2(
             x=truth.robot.x + config.robot_noise * draws[0],
             y=truth.robot.y + config.robot_noise * draws[1],
-            theta=_wrap(truth.robot.theta + config.robot_yaw_noise * draws[2]),
+            theta=wrap(truth.robot.theta + config.robot_yaw_noise * draws[2]),
         )
         position, heading = config.robot_noise**2, config.robot_yaw_noise**2
         self.state.robots.append(
@@ -81,7 +82,7 @@ class TruthPerception(Service):
             visibility=Visibility.VISIBLE,
         )
         if config.yaw:
-            seen.yaw = _wrap(truth.object.theta + config.object_yaw_noise * draws[5])
+            seen.yaw = wrap(truth.object.theta + config.object_yaw_noise * draws[5])
             seen.yaw_variance = config.object_yaw_noise**2
         self.state.objects.append((now + nanoseconds(float(delays[1])), seen))
         if not self.state.mapped:
@@ -108,8 +109,3 @@ class TruthPerception(Service):
             origin=Vector2(x=grid.origin[0], y=grid.origin[1]),
             cells=grid.cells.tobytes(),
         )
-
-
-def _wrap(angle: float) -> float:
-    """Return `angle` in (-pi, pi]."""
-    return angle - math.tau * math.ceil((angle - math.pi) / math.tau)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from math import atan2, ceil, cos, pi, sin
+from math import atan2, cos, sin
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.sapien.angles import wrap
 from drivers.sapien.shapes import Box, Shape
 
 with warnings.catch_warnings():
@@ -117,8 +118,7 @@ def planar(body: Body) -> NDArray[np.float64]:
     """Return x, y, theta of the centre of mass of `body`, (3,), map frame, m and rad, theta in (-pi, pi]."""
     pose = body.entity.pose
     position, quaternion = pose.p, pose.q
-    theta = 2.0 * atan2(float(quaternion[3]), float(quaternion[0]))
-    theta -= 2 * pi * ceil((theta - pi) / (2 * pi))
+    theta = wrap(2.0 * atan2(float(quaternion[3]), float(quaternion[0])))
     return np.array([position[0], position[1], theta], dtype=np.float64)
 
 

@@ -94,15 +94,6 @@ def disagrees(field: Field, d_r: float, r: Array, hits: Array, threshold: float 
     return Disagreement(difference < -threshold, difference > threshold, difference)
 
 
-def intruders(field: Field, d_r: float, hits: Array, threshold: float = THRESHOLD) -> Array:
-    """Return those of `hits` (M, 2) that are more than `threshold` m inside (Q, C), wherever the robot is.
-
-    Beyond Algorithm 1, which sees an obstacle only once it is the one closest to the robot.
-    """
-    depths = _depths(field.values, field.origin[0], field.origin[1], field.resolution, hits)
-    return hits[depths + 0.5 * d_r > threshold]
-
-
 @njit("f8(f8[:,::1],f8,f8,f8,f8,f8,f8,f8,f8,f8)", cache=True)
 def _march(
     values: Array, x0: float, y0: float, resolution: float, offset: float,
@@ -117,11 +108,3 @@ def _march(
         travelled += here
         here = lookup(values, x0, y0, resolution, x + travelled * ux, y + travelled * uy) + offset
     return min(travelled, limit)
-
-
-@njit("f8[::1](f8[:,::1],f8,f8,f8,f8[:,:])", cache=True)
-def _depths(values: Array, x0: float, y0: float, resolution: float, points: Array) -> Array:
-    out = np.empty(len(points))
-    for k in range(len(points)):
-        out[k] = lookup(values, x0, y0, resolution, points[k, 0], points[k, 1])
-    return out

@@ -10,7 +10,6 @@ from services.corridor.update import (
     distance_robot_closest_obstacle,
     distance_robot_corridor_edge,
     external,
-    intruders,
 )
 from services.geometry.field import Field
 
@@ -60,10 +59,3 @@ def test_hits_on_the_object_and_the_robot_are_taken_out() -> None:
     r, o = np.array((1.0, 0.0)), np.array((1.5, 0.0))
     hits = np.array([[1.5, 0.15], [1.5, 0.26], [1.2, 0.0], [1.0, 0.3], [4, 0]], float)
     assert external(hits, r, o, D_R, 0.3, 0.1).tolist() == [[1.5, 0.26], [1.0, 0.3], [4.0, 0.0]]
-
-
-def test_an_intruder_is_found_before_it_is_the_closest() -> None:
-    r = np.array((1.0, 0.0))
-    hits = np.array([[1.0, 0.8], [4.0, 0.2], [4.0, 0.76], [4.0, 0.9]])
-    assert not disagrees(FIELD, D_R, r, hits).nearer
-    assert intruders(FIELD, D_R, hits).tolist() == [[4.0, 0.2]]
