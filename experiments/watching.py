@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import signal
+import threading
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -15,7 +17,7 @@ from rich.table import Table
 
 from experiments.session import Session, run
 from runtime.errors import PushlaneError
-from runtime.local import PushResult
+from runtime.local import Interrupted, PushResult
 from runtime.messages import FailureCause, PushOutcome, PushPhase, PushStatus
 from runtime.recorder.writer import CannotRecord
 from runtime.time import Time, seconds
@@ -46,11 +48,12 @@ def run_shown(
     started = time.perf_counter()
     console = Console()
     with Live(console=console, refresh_per_second=8) if terminal and not quiet else nullcontext() as live:
-        watch = _live(live, started) if live is not None else (None if quiet else _lines(started))
+        show = _live(live, started) if live is not None else (None if quiet else _lines(started))
+        watch = _interruptible(show)
         try:
             result = run(session, record, watch, lockstep=_spread() if lockstep else None, overwrite=overwrite)
-        except CannotRecord:
-            raise  # what is there is not ours, or is all there is
+        except (CannotRecord, Interrupted):
+            raise  # what is there is not ours, or is worth keeping
         except PushlaneError:
             _discard(record)
             raise
@@ -113,6 +116,21 @@ def _sentence(facts: dict[str, object]) -> str:
         f"object path {facts['object_path_length']:.2f} m; "
         f"{facts['times_real_time']} times real time, {facts['messages']} messages{kept}"
     )
+
+
+def _interruptible(show: Callable[[Time, PushStatus], None] | None) -> Callable[[Time, PushStatus], None]:
+    """Return `show`, which ends the run between two events once Ctrl-C or SIGTERM has come."""
+    asked = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: asked.set())
+
+    def watch(now: Time, status: PushStatus) -> None:
+        if asked.is_set():
+            raise Interrupted(f"interrupted at {seconds(now):.1f} simulated s; what was recorded is whole")
+        if show is not None:
+            show(now, status)
+
+    return watch
 
 
 def _live(live: Live, started: float) -> Callable[[Time, PushStatus], None]:

@@ -28,6 +28,12 @@ class GoalRefused(PushlaneError):
     """The task service did not take the goal."""
 
 
+class Interrupted(PushlaneError):
+    """Whoever watches the run wants it to end. Raised between events, so that the recording ends in good order."""
+
+    exit_code = 130
+
+
 @dataclass
 class PushResult:
     """What came of a push.
@@ -57,7 +63,7 @@ def push(
         services: freshly built, drivers first; the order breaks ties.
         goal: as for the request push/goal.
         sinks: each is given every sample.
-        watch: called about twice a simulated second with the time and the newest status.
+        watch: called about twice a simulated second with the time and the newest status; may raise Interrupted.
         guarded: block clocks and randomness in handlers; off only to time the guard itself.
 
     Raises:
@@ -103,7 +109,11 @@ class _Run:
         while scheduler.now < limit and self._ended is None and self._refusal is None:
             scheduler.run(scheduler.now + _SLICE)
             if watch is not None:
-                watch(scheduler.now, self._status)
+                try:
+                    watch(scheduler.now, self._status)
+                except Interrupted:
+                    scheduler.finish()
+                    raise
         if self._ended is not None:
             scheduler.run(max(scheduler.now, self._ended + _EPILOGUE))
         scheduler.finish()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import tomllib
@@ -114,6 +115,26 @@ def test_a_recording_that_is_there_is_left_alone(tmp_path: Path) -> None:
     ran = pushlane("sim", *SHORT, "--time-limit", "1", "-o", "a.mcap", "--overwrite", cwd=tmp_path)
     assert ran.returncode == 1
     assert len((tmp_path / "a.mcap").read_bytes()) > 1000
+
+
+@pytest.mark.parametrize("mode", ["local", "lockstep"])
+def test_ctrl_c_ends_a_push_and_leaves_a_whole_recording(mode: str, tmp_path: Path) -> None:
+    from replays.recording import load
+    from replays.replay import replay
+
+    command = [sys.executable, "-m", "runtime.cli.main", "sim", "--scene", "2A", "-o", "a.mcap", "--mode", mode]
+    running = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert running.stdout is not None
+    for line in running.stdout:
+        if "pushing" in line:
+            break
+    running.send_signal(signal.SIGINT)
+    _, errors = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert errors.startswith("pushlane: interrupted at ")
+    loaded = load(tmp_path / "a.mcap")
+    assert loaded.damage is None
+    assert replay(loaded).identical
 
 
 def test_results_that_cannot_be_written_are_refused_first(tmp_path: Path) -> None:

@@ -80,7 +80,8 @@ def _start(name: str, spread: Spread) -> subprocess.Popen[bytes]:
     command = [*place.prefix, sys.executable, "-m", "runtime.lockstep.worker", name, "--robot", spread.bus.robot]
     for endpoint in place.connect or spread.bus.connect:
         command += ["--connect", endpoint]
-    return subprocess.Popen(command, stdin=subprocess.DEVNULL)
+    # A group of its own: Ctrl-C is for the scheduler, which ends the workers.
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
 
 
 def _await(session: zenoh.Session, keys: Keys, running: Mapping[str, subprocess.Popen[bytes]]) -> None:
