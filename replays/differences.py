@@ -42,15 +42,15 @@ class Differences:
 
     fields: dict[str, FieldError] = field(default_factory=dict)
 
-    def add(self, recorded: Message, replayed: Message, time: int) -> float:
-        """Compare two messages of one type. Returns the largest error among them."""
-        largest = 0.0
+    def add(self, recorded: Message, replayed: Message, time: int) -> dict[str, float]:
+        """Compare two messages of one type. Returns the largest error of each field that differs."""
+        largest: dict[str, float] = {}
         for name, difference in differences(recorded, replayed):
             error = self.fields.setdefault(name, FieldError(first=time))
             error.largest = max(error.largest, difference)
             error.squares += difference * difference
             error.count += 1
-            largest = max(largest, difference)
+            largest[name] = max(largest.get(name, 0.0), difference)
         return largest
 
     def join(self, other: Differences) -> None:

@@ -174,14 +174,15 @@ class Execution:
             result.identical += 1
             return
         kind = message_type(entry.name)
-        largest = result.differences.add(kind.FromString(recorded.payload), kind.FromString(sample.payload), event.time)
+        errors = result.differences.add(kind.FromString(recorded.payload), kind.FromString(sample.payload), event.time)
         row = TOPICS.get(entry.name)
-        if self._comparison is Comparison.TOLERANCES and row is not None and largest <= row.tolerance:
-            return
+        if self._comparison is Comparison.TOLERANCES and row is not None:
+            errors = {name: error for name, error in errors.items() if error > row.allowed(name)}
+            if not errors:
+                return
         result.beyond += 1
-        worst = max(result.differences.fields.items(), key=lambda item: item[1].largest, default=None)
-        field_text = f", {worst[0]} by {worst[1].largest:.3g}" if worst else ""
-        text = f"'{entry.name}' {entry.sequence} differs{field_text}"
+        worst = max(errors, key=lambda name: errors[name], default="")
+        text = f"'{entry.name}' {entry.sequence} differs" + (f", {worst} by {errors[worst]:.3g}" if worst else "")
         self._diverge(result, event, text, sample, entry)
 
     def _diverge(

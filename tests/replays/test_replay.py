@@ -21,6 +21,7 @@ from runtime.messages import EntryKind, Journal, ObjectState, Odometry, RobotPos
 from runtime.recorder.header import Header
 from runtime.service import Effects, Service
 from runtime.time import SECOND, Time
+from runtime.topics import TOPICS
 from services.strategy.service import StrategyService
 from tests.replays.tampering import Change, Row, altered, journal_changed, put, rewrite, rows_of
 
@@ -353,6 +354,15 @@ def test_tolerances_accept_last_digits_and_no_more(
 
         found = replayed(tampered(session_file, tmp_path, altered("command", 60, nudge)), "controller")
         assert (found.nodes[0].topics["command"].beyond == 0) is accepted
+
+
+def test_tolerances_are_by_field() -> None:
+    assert TOPICS["odometry"].allowed("pose.x") == 0.02
+    assert TOPICS["odometry"].allowed("twist.omega") == 0.05
+    assert TOPICS["odometry"].allowed("driver_sequence") == 1e-6
+    assert TOPICS["truth"].allowed("object_twist.vx") == 0.1
+    assert TOPICS["truth"].allowed("object.x") == 0.05
+    assert TOPICS["command"].allowed("twist.vx") == 1e-6
 
 
 def test_an_unknown_service_is_refused(session_file: Path) -> None:
