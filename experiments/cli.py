@@ -49,7 +49,7 @@ def sim(
         float | None, typer.Option(metavar="S", help="Give up after this time.", show_default="400")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Of everything drawn: same seed, same bytes.", show_default="1")
+        int | None, typer.Option(help="Of everything drawn: same seed, same messages.", show_default="1")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE.mcap", help="Record the session here.")
@@ -125,11 +125,15 @@ def deliveries(
 
     from experiments.session import prepare
     from experiments.trials import Batch, deliver
+    from runtime.config.layers import ConfigError
 
     given = layers(config, assignments)
     session = prepare(given)
     if failures is not None:
-        failures.mkdir(parents=True, exist_ok=True)
+        try:
+            failures.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"--failures {failures}: {error.strerror or error}") from error
     seeds = range(first, first + trials)
     console = Console(stderr=True)
     done = list(track(deliver(given, seeds, jobs, failures), total=trials, description="pushing", console=console))

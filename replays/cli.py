@@ -45,6 +45,7 @@ def replay(
     from runtime.time import nanoseconds
 
     _refuse_unwritable(overlay)
+    _refuse_nonfinite("--start", start)
     loaded = recording.load(file)
     changes = read_assignments(assignments).values if assignments else {}
     result = execute(loaded, service, changes, nanoseconds(start), keep=overlay is not None)
@@ -84,6 +85,7 @@ def inspect(
 
     for out in (save, screenshot):
         _refuse_unwritable(out)
+    _refuse_nonfinite("--at", at)
     show(file, save, screenshot, at, web)
 
 
@@ -99,6 +101,22 @@ def _refuse_unwritable(out: Path | None) -> None:
         raise CannotRecord(f"cannot write {out}: there is no folder {out.parent}")
     if out is not None and out.is_dir():
         raise CannotRecord(f"cannot write {out}: it is a folder")
+    if out is not None and out.exists() and out.suffix == ".mcap":
+        raise CannotRecord(f"{out} is a recording: choose another name")
+
+
+def _refuse_nonfinite(option: str, value: float | None) -> None:
+    """Raise unless `value` is a time.
+
+    Raises:
+        ConfigError: it is NaN, infinite or below 0.
+    """
+    import math
+
+    from runtime.config.layers import ConfigError
+
+    if value is not None and not (math.isfinite(value) and value >= 0):
+        raise ConfigError(f"{option}: expected a time in s, 0 or more (found {value})")
 
 
 def goldens(

@@ -43,10 +43,12 @@ def replay(
     """
     reasons = platform_differences(recording)
     comparison = Comparison.TOLERANCES if reasons else Comparison.BYTES
+    replayed = list(names or recording.header.nodes)
     for section in changes or {}:
-        if section not in recording.config["sections"]:
-            known = ", ".join(recording.config["sections"])
-            raise Unusable(f"--set {section}: the recording has no section '{section}'; it has {known}")
+        if section not in replayed:
+            raise Unusable(
+                f"--set {section}: no section '{section}' is replayed; what can be set is that of {', '.join(replayed)}"
+            )
     keys = [f"{section}.{key}" for section, values in (changes or {}).items() for key in values]
     report = Report(recording, comparison, reasons, keys)
     available = recording.header.nodes

@@ -146,7 +146,18 @@ def test_results_that_cannot_be_written_are_refused_first(tmp_path: Path) -> Non
         assert "Traceback" not in ran.stderr
     ran = pushlane("replay", "a.mcap", "--set", "wheel.x=1", cwd=tmp_path)
     assert ran.returncode == 2
-    assert "no section 'wheel'" in ran.stderr
+    assert "no section 'wheel' is replayed; what can be set is that of driver, perception" in ran.stderr
+    before = (tmp_path / "a.mcap").read_bytes()
+    for arguments, words in (
+        (["inspect", "a.mcap", "--save", "a.mcap"], "a.mcap is a recording"),
+        (["replay", "a.mcap", "--overlay", "a.mcap"], "a.mcap is a recording"),
+        (["replay", "a.mcap", "--start", "nan"], "--start: expected a time in s"),
+        (["replay", "a.mcap", "--service", "task", "--set", "controller.k_gamma=1"], "that of task"),
+        (["inspect", "a.mcap", "--save", "a.rrd", "--at", "1000"], "--at 1000: the session goes from 0.00 s"),
+    ):
+        ran = pushlane(*arguments, cwd=tmp_path)
+        assert (ran.returncode, words in ran.stderr) == (2, True), ran.stderr
+    assert (tmp_path / "a.mcap").read_bytes() == before
 
 
 def test_the_list_names_everything() -> None:
@@ -170,6 +181,9 @@ def test_config_show_says_where_values_come_from_and_reads_back(tmp_path: Path) 
     assert lines["k_gamma"].endswith("# default")
     values = tomllib.loads(shown.stdout)
     assert values["controller"]["speed"] == 0.2
+    described = pushlane(*arguments, "--describe", cwd=tmp_path).stdout
+    assert "# K_gamma, gain on gamma in (8), at least 0, at most 10\nk_gamma = 0.1" in described
+    assert tomllib.loads(described) == values
     (tmp_path / "again.toml").write_text(shown.stdout)
     again = pushlane("config", "show", "--config", "again.toml", cwd=tmp_path)
     assert again.returncode == 0, again.stderr

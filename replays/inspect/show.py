@@ -8,6 +8,11 @@ from pathlib import Path
 import typer
 
 from replays.inspect import InspectSummary, open_viewer, screenshot, to_rrd
+from runtime.errors import PushlaneError
+
+
+class OutsideSession(PushlaneError):
+    """The time asked for is not in the session."""
 
 
 def show(session: Path, save: Path | None, picture: Path | None, at: float | None, web: bool = False) -> InspectSummary:
@@ -21,6 +26,10 @@ def show(session: Path, save: Path | None, picture: Path | None, at: float | Non
     with tempfile.TemporaryDirectory() as folder:
         rrd = save or Path(folder) / f"{session.stem}.rrd"
         summary = to_rrd(session, rrd)
+        if at is not None and not summary.first <= at * 1e9 <= summary.last:
+            raise OutsideSession(
+                f"--at {at:g}: the session goes from {summary.first / 1e9:.2f} s to {summary.last / 1e9:.2f} s"
+            )
         if summary.damage:
             typer.echo(f"the file ends early, at {summary.last / 1e9:.2f} s ({summary.damage})", err=True)
         if save is not None:

@@ -65,7 +65,10 @@ def client(config: BusConfig, patience: float = 10.0) -> Iterator[zenoh.Session]
             break
         except zenoh.ZError as error:
             if time.monotonic() > deadline:
-                raise NoBus(f"no hub at {', '.join(config.connect)}: {_first_line(error)}") from error
+                places = ", ".join(config.connect)
+                raise NoBus(
+                    f"no hub at {places}: {_first_line(error)}; start a system with pushlane run, or set bus.connect"
+                ) from error
             time.sleep(0.1)
     with _closing(session):
         yield session
@@ -102,4 +105,5 @@ def _config(settings: Mapping[str, object], lease: float) -> zenoh.Config:
 
 
 def _first_line(error: Exception) -> str:
-    return str(error).splitlines()[0][:200]
+    # Without the place in Zenoh's own sources, which helps nobody here.
+    return str(error).splitlines()[0].partition(" at /")[0][:200]

@@ -7,10 +7,12 @@ import re
 from importlib import import_module
 from typing import Annotated
 
+import msgspec
 import typer
 
 from runtime.cli.options import Assignments, ConfigFile, layers
 
+_LIMITS = {"minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most", "exclusiveMaximum": "below"}
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 app = typer.Typer(no_args_is_help=True, help="Look at settings.")
@@ -30,6 +32,7 @@ def show(
         bool,
         typer.Option("--all", help="Also what the scene and the seed decide: furniture, the object's body."),
     ] = False,
+    describe: Annotated[bool, typer.Option("--describe", help="With what each setting means, in what unit.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="As JSON: key, value, origin.")] = False,
 ) -> None:
     """Print every setting with the place its value came from: default, a file, --set, or scene and seed.
@@ -54,9 +57,19 @@ def show(
         if head != current:
             typer.echo(f"{'' if not current else chr(10)}[{head}]")
             current = head
+        if describe and (meaning := _meaning(type(session.effective.sections[head]), name)):
+            typer.echo(f"# {meaning}")
         name = ".".join(part if _BARE.fullmatch(part) else json.dumps(part) for part in name.split("."))
         text = f"{name} = {_toml(value)}" if value is not None else f"# {name} is not set"
         typer.echo(f"{text:<40} # {origin}")
+
+
+def _meaning(kind: type[msgspec.Struct], name: str) -> str:
+    """Return the description and the range of the setting `name`, as its structure declares them."""
+    schema = msgspec.json.schema(kind)
+    found = schema["$defs"][kind.__name__]["properties"].get(name.split(".", maxsplit=1)[0], {})
+    limits = [f"{word} {found[key]:g}" for key, word in _LIMITS.items() if key in found]
+    return ", ".join([*([found["description"]] if "description" in found else []), *limits])
 
 
 def _toml(value: object) -> str:

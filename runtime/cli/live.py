@@ -31,13 +31,13 @@ def run(
         list[str] | None, typer.Option("--only", metavar="NAME", help="Only this service; may be given again.")
     ] = None,
     host: Annotated[
-        str, typer.Option(metavar="HOST", help="Only what [hosts] of the system file gives to this host.")
+        str, typer.Option(metavar="HOST", help="Only what the section hosts of the system file gives to this host.")
     ] = "",
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE.mcap", help="Record the session here.")
     ] = None,
     join: Annotated[
-        bool, typer.Option("--join", help="The meeting point is another launcher, or a Zenoh router, at [bus] connect.")
+        bool, typer.Option("--join", help="The meeting point is another launcher, or a Zenoh router, at bus.connect.")
     ] = False,
     assignments: Assignments = None,
 ) -> None:

@@ -131,5 +131,5 @@ def nodes(config: ConfigFile = None, assignments: Assignments = None) -> None:
             f"{1000 * health.busy_max:.2f} ms longest, queue {health.queue_length}, dropped {lost}"
         )
     if not alive:
-        typer.echo("no service is up")
+        typer.echo(f"no service of robot '{bus.robot}' is up; another robot is named by --set bus.robot=NAME")
         raise typer.Exit(1)

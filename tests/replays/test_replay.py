@@ -246,7 +246,7 @@ def test_the_first_divergence_comes_with_what_the_service_knew(session_file: Pat
 
 
 def test_an_unknown_section_is_refused(session_file: Path) -> None:
-    with pytest.raises(Unusable, match="no section 'wheel'"):
+    with pytest.raises(Unusable, match="no section 'wheel' is replayed"):
         replay(load(session_file), None, {"wheel": {"x": 1}})
 
 
