@@ -145,7 +145,7 @@ def record(bus: BusConfig, path: Path, patterns: Sequence[str], stop: threading.
             tape.join()
             while not stop.wait(0.2) and tape.failure is None:
                 session.put(keys.beat("recorder"), b"")
-            stop.wait(_SETTLE)
+            time.sleep(_SETTLE)  # what the services sent last is still on its way
         finally:
             token.undeclare()
             tape.close()
