@@ -75,8 +75,7 @@ class Session:
 
     def json(self) -> bytes:
         """Return the effective configuration as the recording holds it."""
-        sections = {name: msgspec.to_builtins(section) for name, section in self.effective.sections.items()}
-        return msgspec.json.encode({"sections": sections})
+        return self.plan().config()
 
 
 def kinds() -> dict[str, type[msgspec.Struct]]:

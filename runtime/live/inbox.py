@@ -86,12 +86,8 @@ class Inbox:
 
     def get(self, timeout: float) -> Sample | tuple[str, zenoh.Query] | None:
         """Return the next entry, waiting up to `timeout` s for one."""
-        if timeout > 0:
-            with suppress(queue.Empty):
-                self._tokens.get(timeout=timeout)
-        else:
-            with suppress(queue.Empty):
-                self._tokens.get_nowait()
+        with suppress(queue.Empty):
+            self._tokens.get(block=timeout > 0, timeout=max(timeout, 0.0))
         with self._lock:
             # A dropped entry leaves its token behind: then a wait ends early, with nothing.
             return self._items.popleft() if self._items else None

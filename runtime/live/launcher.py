@@ -145,16 +145,16 @@ class Launcher:
         code = child.process.poll()
         if code is not None:
             self._say(f"{child.name} ended with {code}")
-        elif child.beat is not None and now - child.beat > self._live.frozen_after:
-            self._say(f"{child.name} gave no sign of life for {now - child.beat:.1f} s and was killed")
-            child.process.kill()
-            child.process.wait()
-        elif child.beat is None and now - child.started > _START_LIMIT:
-            self._say(f"{child.name} did not come up within {_START_LIMIT:g} s and was killed")
-            child.process.kill()
-            child.process.wait()
         else:
-            return
+            if child.beat is not None and now - child.beat > self._live.frozen_after:
+                fault = f"gave no sign of life for {now - child.beat:.1f} s"
+            elif child.beat is None and now - child.started > _START_LIMIT:
+                fault = f"did not come up within {_START_LIMIT:g} s"
+            else:
+                return
+            self._say(f"{child.name} {fault} and was killed")
+            child.process.kill()
+            child.process.wait()
         child.process, child.beat = None, None
         if child.incarnation >= self._live.restarts:
             raise ServiceLost(f"service '{child.name}' was restarted {child.incarnation} times and died again")

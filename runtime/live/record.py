@@ -15,6 +15,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 import zenoh
 
 from runtime.bus import envelope
@@ -120,8 +121,6 @@ def ask_for_plan(session: zenoh.Session, keys: Keys, patience: float = _PATIENCE
     Raises:
         NoSystem: nobody tells it.
     """
-    import msgspec
-
     deadline = time.monotonic() + patience
     while time.monotonic() < deadline:
         for reply in session.get(keys.session(), timeout=1.0):
