@@ -165,12 +165,11 @@ class Launcher:
     def _start(self, child: Child, folder: Path, plan_file: Path) -> None:
         child.incarnation += 1
         child.due, child.started, child.beat = None, time.monotonic(), None
-        connect = [part for endpoint in self._bus.connect for part in ("--connect", endpoint)]
         if child.name == RECORDER:
             assert self._record is not None
-            command = ["runtime.live.record", str(self._part(child.incarnation)), "--robot", self._bus.robot]
+            command = ["runtime.live.record", str(self._part(child.incarnation)), "--plan", str(plan_file)]
         else:
-            command = ["runtime.live.service", child.name, "--config", str(plan_file)]
+            command = ["runtime.live.service", child.name, "--plan", str(plan_file)]
             command += ["--incarnation", str(child.incarnation)]
             snapshot = self._snapshots.get(child.name)
             if child.incarnation and snapshot is not None:
@@ -179,7 +178,7 @@ class Launcher:
                 command += ["--resume", str(resume)]
         # A group of its own: Ctrl-C is for the launcher, which ends the others in order.
         child.process = subprocess.Popen(
-            [sys.executable, "-m", *command, *connect], stdin=subprocess.DEVNULL, start_new_session=True
+            [sys.executable, "-m", *command], stdin=subprocess.DEVNULL, start_new_session=True
         )
 
     def _part(self, incarnation: int) -> Path:

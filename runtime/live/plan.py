@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from runtime.bus.config import BusConfig
 from runtime.errors import PushlaneError
 
 
@@ -21,7 +22,7 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
         robot: its name on the bus.
         seed: of the simulation.
         nodes: the services, in the order in which they are started.
-        sections: the effective configuration, plain.
+        sections: the effective configuration, plain. Its [bus] is that of the machine whose launcher wrote it.
     """
 
     robot: str
@@ -44,6 +45,10 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     def encoded(self) -> bytes:
         """Return the plan as JSON."""
         return msgspec.json.encode(self)
+
+    def bus(self) -> BusConfig:
+        """Return where the processes of this machine meet the others."""
+        return msgspec.convert(self.sections["bus"], BusConfig)
 
     def config(self) -> bytes:
         """Return the configuration as a recording holds it."""

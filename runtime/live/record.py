@@ -1,6 +1,6 @@
 """Records a live system: every message on the bus to MCAP, from now on, so that the file replays by itself.
 
-Run by the launcher as `python -m runtime.live.record FILE --connect ENDPOINT`, or by `pushlane record`.
+Run by the launcher as `python -m runtime.live.record FILE --plan PLAN`, or by `pushlane record`.
 """
 
 from __future__ import annotations
@@ -157,14 +157,13 @@ def main() -> None:
     """Run the recorder that the command line names."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path)
-    parser.add_argument("--robot", default="robot")
-    parser.add_argument("--connect", action="append", required=True)
+    parser.add_argument("--plan", type=Path, required=True)
     given = parser.parse_args()
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     try:
-        record(BusConfig(robot=given.robot, connect=tuple(given.connect)), given.file, ["*"], stop)
+        record(Plan.read(given.plan).bus(), given.file, ["*"], stop)
     except PushlaneError as error:
         fail("recorder", error)
     sys.exit(0)

@@ -1,4 +1,4 @@
-"""Starts one live host: `python -m runtime.live.service NAME --config FILE --connect ENDPOINT`. The launcher's work."""
+"""Starts one live host: `python -m runtime.live.service NAME --plan FILE`. The launcher's work."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 import msgspec
 
 from runtime import registry
-from runtime.bus.config import BusConfig
 from runtime.bus.keys import Keys
 from runtime.bus.session import client
 from runtime.errors import PushlaneError
@@ -28,31 +27,28 @@ def main() -> None:
     """Run the host that the command line names."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("name")
-    parser.add_argument("--config", type=Path, required=True)
-    parser.add_argument("--connect", action="append", required=True)
+    parser.add_argument("--plan", type=Path, required=True)
     parser.add_argument("--incarnation", type=int, default=0)
     parser.add_argument("--resume", type=Path)
     given = parser.parse_args()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
-        serve(given.name, given.config, tuple(given.connect), given.incarnation, given.resume)
+        serve(given.name, Plan.read(given.plan), given.incarnation, given.resume)
     except PushlaneError as error:
         fail(given.name, error)
 
 
-def serve(name: str, config: Path, connect: tuple[str, ...], incarnation: int, resume: Path | None) -> None:
+def serve(name: str, plan: Plan, incarnation: int, resume: Path | None) -> None:
     """Host the service `name` until a signal ends it.
 
     Raises:
         PushlaneError: it cannot start, or its service broke its contract.
     """
-    plan = Plan.read(config)
     kind = registry.service_class(name)
     service = kind(msgspec.convert(plan.sections[name], kind.Config))
     live = msgspec.convert(plan.sections.get("live", {}), LiveConfig)
-    bus = BusConfig(robot=plan.robot, connect=connect)
     last = Snapshot.FromString(resume.read_bytes()) if resume is not None else None
-    with client(bus) as session, Guard() as guard:
+    with client(plan.bus()) as session, Guard() as guard:
         host = LiveHost(Node(service, guard), session, Keys(plan.robot), live, incarnation, last)
         stop_on_signals(host)
         host.run()
