@@ -51,23 +51,31 @@ def chain(before: int, kind: int, name: str, sequence: int, time: Time, payload:
 
 
 class JournalWriter:
-    """Collects the entries of one node and gives them away in batches."""
+    """Collects the entries of one node and gives them away in batches.
+
+    Digests are computed when somebody asks for them: not between the arrival of a message and what it brings about.
+    """
 
     def __init__(self, node: str, first: int = 0, digest: int = 0) -> None:
         self.node = node
         self.number = first
-        self.digest = digest
+        self._digest = digest
         self._clear()
+
+    @property
+    def digest(self) -> int:
+        """Return the digest of the newest entry."""
+        self._work_up()
+        return self._digest
 
     def add(self, kind: int, name: str, sequence: int, time: Time, payload: bytes = b"") -> None:
         """Write down one entry; `payload` is the message, request, reply or snapshot it stands for."""
-        self.digest = chain(self.digest, kind, name, sequence, time, payload)
-        index = self._index.setdefault(name, len(self._index))
-        self._rows.append((kind, index, sequence, time, self.digest))
+        self._fresh.append((kind, name, sequence, time, payload))
         self.number += 1
 
     def batch(self) -> Journal | None:
         """Return the entries since the last batch, or None if there are none."""
+        self._work_up()
         if not self._rows:
             return None
         kind, name, sequence, time, digest = zip(*self._rows, strict=True)
@@ -85,9 +93,19 @@ class JournalWriter:
         self._clear()
         return batch
 
+    def _work_up(self) -> None:
+        digest = self._digest
+        for kind, name, sequence, time, payload in self._fresh:
+            digest = chain(digest, kind, name, sequence, time, payload)
+            index = self._index.setdefault(name, len(self._index))
+            self._rows.append((kind, index, sequence, time, digest))
+        self._digest = digest
+        self._fresh.clear()
+
     def _clear(self) -> None:
         self._index: dict[str, int] = {}
         self._rows: list[tuple[int, int, int, Time, int]] = []
+        self._fresh: list[tuple[int, str, int, Time, bytes]] = []
 
 
 def entries(batches: Iterable[Journal]) -> Iterator[Entry]:

@@ -15,7 +15,7 @@ from google.protobuf.message import Message
 
 from runtime import state, topics
 from runtime.errors import PushlaneError
-from runtime.finite import nonfinite
+from runtime.finite import nonfinite, surely_finite
 from runtime.guard import Guard
 from runtime.journal import JournalWriter
 from runtime.messages import EntryKind, Reply, Request, Snapshot
@@ -120,22 +120,26 @@ class Node:
         """Return the period of `timer` in ns."""
         return self._periods[timer]
 
-    def check(self, sample: Sample) -> None:
-        """Raise unless `sample` is a message of one of the inputs. Safe to call from any thread.
+    def parsed(self, sample: Sample) -> Message:
+        """Return the message of one of the inputs that `sample` holds.
 
         Raises:
             BadMessage: it does not parse, or holds a number that is not finite.
         """
-        parse(self._kinds[sample.topic], sample.payload, sample.topic)
+        return parse(self._kinds[sample.topic], sample.payload, sample.topic)
 
-    def consume(self, sample: Sample, now: Time, finish: Time) -> list[Sample]:
+    def consume(self, sample: Sample, now: Time, finish: Time, message: Message | None = None) -> list[Sample]:
         """Give the service a message of one of its inputs at `now`; what it publishes is stamped `finish`.
+
+        Args:
+            message: what `parsed` gave for it, if that was asked already.
 
         Raises:
             BadMessage: the payload does not parse.
             BadHandler: the service broke its contract.
         """
-        message = parse(self._kinds[sample.topic], sample.payload, sample.topic)
+        if message is None:
+            message = self.parsed(sample)
         self.journal.add(_MESSAGE, sample.topic, sample.sequence, now, sample.payload)
         self.host.consumed[sample.topic] = sample.sequence
         self.host.latest[sample.topic] = sample.payload
@@ -222,10 +226,10 @@ class Node:
             guard.leave()
 
     def _collect(self, source: str, effects: object) -> tuple[list[_Out], list[Answer]]:
+        if effects is None:
+            return [], []
         outs: list[_Out] = []
         answers: list[Answer] = []
-        if effects is None:
-            return outs, answers
         if not isinstance(effects, Iterable) or isinstance(effects, Publication | Answer | Message | str | bytes):
             raise BadHandler(
                 f"service '{self.name}' returned {effects!r:.200} from the handler of '{source}': yield it"
@@ -247,12 +251,14 @@ class Node:
             kind = type(effect.message).__name__
             expected = self._types[topic].__name__
             raise BadHandler(f"service '{self.name}' published as '{topic}' a {kind}, expected {expected}")
-        bad = nonfinite(effect.message)
-        if bad is not None:
-            raise BadHandler(
-                f"service '{self.name}' published '{topic}' with {bad} not finite in the handler of '{source}'"
-            )
-        return topic, effect.message.SerializeToString(deterministic=True)
+        payload = effect.message.SerializeToString(deterministic=True)
+        if not surely_finite(payload):
+            bad = nonfinite(effect.message)
+            if bad is not None:
+                raise BadHandler(
+                    f"service '{self.name}' published '{topic}' with {bad} not finite in the handler of '{source}'"
+                )
+        return topic, payload
 
     def _publish(self, outs: list[_Out], finish: Time) -> list[Sample]:
         samples = []

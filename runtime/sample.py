@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from google.protobuf.message import DecodeError, Message
 
 from runtime.errors import PushlaneError
-from runtime.finite import nonfinite
+from runtime.finite import nonfinite, surely_finite
 from runtime.time import Time
 
 M = TypeVar("M", bound=Message)
@@ -21,8 +20,7 @@ class BadMessage(PushlaneError):
     """A payload does not parse, or holds a number that is not finite."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """A message with its envelope, as it travels and as it is recorded.
 
     Attributes:
@@ -44,12 +42,12 @@ def parse(kind: type[M], payload: bytes, topic: str) -> M:
     Raises:
         BadMessage: it does not parse, or holds a number that is not finite; the message names `topic`.
     """
-    message = kind()
     try:
-        message.ParseFromString(payload)
+        message = kind.FromString(payload)
     except DecodeError as error:
         raise BadMessage(f"'{topic}': {len(payload)} bytes are no {kind.__name__}: {error}") from error
-    bad = nonfinite(message)
-    if bad is not None:
-        raise BadMessage(f"'{topic}': {bad} is not finite")
+    if not surely_finite(payload):
+        bad = nonfinite(message)
+        if bad is not None:
+            raise BadMessage(f"'{topic}': {bad} is not finite")
     return message

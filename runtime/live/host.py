@@ -6,6 +6,7 @@ waiting messages) and the journal says what it decided, so that a replay decides
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 import threading
@@ -14,6 +15,7 @@ from collections.abc import Callable
 from types import FrameType
 
 import zenoh
+from google.protobuf.message import Message
 
 from runtime import topics
 from runtime.bus import envelope
@@ -21,11 +23,11 @@ from runtime.bus.keys import Keys
 from runtime.errors import PushlaneError
 from runtime.live.clock import Clock
 from runtime.live.config import LiveConfig
-from runtime.live.inbox import Busy, Inbox
+from runtime.live.inbox import Arrivals, Busy, Inbox
 from runtime.messages import Health, InputHealth, Reply, Request, Snapshot
 from runtime.node import Node
 from runtime.sample import INCARNATION, BadMessage, Sample
-from runtime.time import Time, nanoseconds, seconds
+from runtime.time import SECOND, Time, nanoseconds, seconds
 from runtime.topics import TOPICS, Delivery
 
 _PRIORITY = {
@@ -33,11 +35,12 @@ _PRIORITY = {
     "odometry": zenoh.Priority.REAL_TIME,
     "image": zenoh.Priority.DATA_LOW,
 }
-_Work = Callable[[Time], list[Sample]]
+_Entry = tuple[Sample, Message] | tuple[str, zenoh.Query]
 _OnQuery = Callable[[zenoh.Query], None]
 
 _LOG_EVERY = 1.0
 _LATCHED_LIMIT = 0.5
+_LONGEST_REFUSAL = 200
 
 
 class LiveHost:
@@ -66,13 +69,14 @@ class LiveHost:
         self._clock = Clock()
         contract = node.contract
         latest = frozenset(name for name, one in contract.inputs.items() if one.delivery is Delivery.LATEST)
-        self._inbox = Inbox(latest)
+        self._arrivals: Arrivals[zenoh.Sample | zenoh.Query] = Arrivals()
+        self._inbox: Inbox[_Entry] = Inbox(latest)
         self._stopped = threading.Event()
-        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._publishers: dict[str, tuple[zenoh.Publisher, bool]] = {}
         self._latched: dict[str, Sample] = {}
         self._requests = incarnation * INCARNATION
         self._busy = Busy()
-        self._consumed: dict[str, tuple[int, float]] = {}
+        self._overrun: dict[str, int] = {}
         self._complained: dict[str, float] = {}
         self._health = 0
 
@@ -86,6 +90,8 @@ class LiveHost:
         try:
             self._send(self._node.begin(self._clock.now(), self._incarnation, self._last))
             self._ask_for_latched()
+            # What is there by now stays: the collector of garbage need not go through it again and again.
+            gc.freeze()
             self._loop()
             last = self._node.end(self._clock.now())
             self._send([] if last is None else [last])
@@ -96,7 +102,7 @@ class LiveHost:
     def _declare(self) -> list[zenoh.Subscriber[None] | zenoh.Queryable[None] | zenoh.LivelinessToken]:
         session, keys, contract = self._session, self._keys, self._node.contract
         declared: list[zenoh.Subscriber[None] | zenoh.Queryable[None] | zenoh.LivelinessToken] = [
-            session.declare_subscriber(keys.topic(topic), self._receive) for topic in contract.inputs
+            session.declare_subscriber(keys.topic(topic), self._receiver(topic)) for topic in contract.inputs
         ]
         declared += [session.declare_queryable(keys.request(name), self._asker(name)) for name in contract.requests]
         latched = [topic for topic in contract.outputs if TOPICS[topic].latched]
@@ -106,7 +112,7 @@ class LiveHost:
         return declared
 
     def _loop(self) -> None:
-        node, clock = self._node, self._clock
+        node, clock, arrivals, inbox = self._node, self._clock, self._arrivals, self._inbox
         timers = {name: due for due, name in node.due()}
         chores = {
             self._flush: nanoseconds(self._config.journal_period),
@@ -116,38 +122,48 @@ class LiveHost:
         }
         now = clock.now()
         chores_due = {chore: now + period for chore, period in chores.items()}
+        due = now
         while not self._stopped.is_set():
             now = clock.now()
-            timer, due = min(timers.items(), key=lambda item: item[1], default=("", now + nanoseconds(1.0)))
-            if timer and due <= now:
-                period = node.period(timer)
-                number = (now - node.start) // period  # what was missed is left out, not piled up
-                timers[timer] = node.start + (number + 1) * period
-                self._handle(lambda at, timer=timer, number=number: node.fire(timer, number, at, at))  # type: ignore[misc]
+            if now >= due:
+                timer = min(timers, key=timers.__getitem__, default="")
+                if timer and timers[timer] <= now:
+                    period = node.period(timer)
+                    number = (now - node.start) // period  # what was missed is left out, not piled up
+                    timers[timer] = node.start + (number + 1) * period
+                    self._handle(node.fire(timer, number, now, now), now)
+                else:
+                    chore = min(chores_due, key=chores_due.__getitem__)
+                    if chores_due[chore] <= now:
+                        chores_due[chore] = now + chores[chore]
+                        chore(now)
+                due = min(*timers.values(), *chores_due.values())
                 continue
-            chore = min(chores_due, key=lambda one: chores_due[one])
-            if chores_due[chore] <= now:
-                chores_due[chore] = now + chores[chore]
-                chore(now)
-                continue
-            item = self._inbox.get(seconds(min(due, chores_due[chore]) - now))
-            if isinstance(item, Sample):
-                self._consume(item)
-            elif item is not None:
-                self._answer(*item)
+            # All that came is looked at before one is handled: of latest-only inputs that is the newest.
+            waiting = len(arrivals)
+            if waiting:
+                for _ in range(waiting):
+                    self._take(arrivals.get(0.0))
+                now = clock.now()
+            entry = inbox.get()
+            if entry is None:
+                self._take(arrivals.get(seconds(due - now)))
+            elif isinstance(entry[0], Sample):
+                self._consume(entry[0], entry[1], now)  # type: ignore[arg-type]
+            else:
+                self._answer(*entry)  # type: ignore[arg-type]
 
-    def _handle(self, work: _Work) -> list[Sample]:
-        """Run one handler, stamped with the time at which it begins, and send what it gives."""
-        begin = self._clock.now()
-        samples = work(begin)
+    def _handle(self, samples: list[Sample], begin: Time) -> None:
+        """Send what a handler gave that began at `begin`."""
         self._busy.add(self._clock.now() - begin)
-        self._send(samples)
-        return samples
+        if samples:
+            self._send(samples)
 
-    def _consume(self, sample: Sample) -> None:
-        self._handle(lambda at: self._node.consume(sample, at, at))
-        count, _ = self._consumed.get(sample.topic, (0, 0.0))
-        self._consumed[sample.topic] = (count + 1, seconds(self._clock.now() - sample.time))
+    def _consume(self, sample: Sample, message: Message, begin: Time) -> None:
+        self._handle(self._node.consume(sample, begin, begin, message), begin)
+        count = self._inbox.counts[sample.topic]
+        count.consumed += 1
+        count.age = (begin - sample.time) / SECOND
 
     def _answer(self, name: str, query: zenoh.Query) -> None:
         payload = b"" if query.payload is None else bytes(query.payload)
@@ -171,12 +187,21 @@ class LiveHost:
         query.reply(str(query.key_expr), answer)
         query.drop()
 
-    def _receive(self, sample: zenoh.Sample) -> None:
-        """Take what Zenoh brings, on its thread: only to the queue."""
-        topic = self._keys.name(str(sample.key_expr))
-        payload = bytes(sample.payload)
-        attachment = None if sample.attachment is None else bytes(sample.attachment)
-        self._accept(topic, payload, attachment)
+    def _receiver(self, topic: str) -> Callable[[zenoh.Sample], None]:
+        put = self._arrivals.put
+        return lambda sample: put(topic, sample)
+
+    def _take(self, arrival: tuple[str, zenoh.Sample | zenoh.Query] | None) -> None:
+        """Look at what came."""
+        if arrival is None:
+            return
+        name, what = arrival
+        if isinstance(what, zenoh.Sample):
+            attachment = what.attachment
+            self._accept(name, bytes(what.payload), None if attachment is None else bytes(attachment))
+        elif not self._inbox.ask((name, what)):
+            what.reply_err(f"'{name}': too many requests wait")
+            what.drop()
 
     def _accept(self, topic: str, payload: bytes, attachment: bytes | None) -> None:
         """Put what came in the queue, or refuse it: here is the edge."""
@@ -184,12 +209,12 @@ class LiveHost:
             self._complain(topic, f"'{topic}' came with {len(payload)} bytes, more than {self._config.largest}")
             return
         try:
-            found = envelope.unpack(topic, payload, attachment)
-            self._node.check(found)
+            sample = envelope.unpack(topic, payload, attachment)
+            refusal = self._inbox.put(sample, (sample, self._node.parsed(sample)))
         except (envelope.BadEnvelope, BadMessage) as error:
-            self._complain(topic, str(error))
-        else:
-            self._inbox.put(found)
+            refusal = str(error)
+        if refusal:
+            self._complain(topic, refusal)
 
     def _ask_for_latched(self) -> None:
         for topic, source in self._node.contract.inputs.items():
@@ -200,7 +225,8 @@ class LiveHost:
                     self._accept(topic, bytes(reply.ok.payload), bytes(reply.ok.attachment))
 
     def _asker(self, name: str) -> _OnQuery:
-        return lambda query: self._inbox.ask(name, query)
+        put = self._arrivals.put
+        return lambda query: put(name, query)
 
     def _teller(self, topic: str) -> _OnQuery:
         def tell(query: zenoh.Query) -> None:
@@ -214,17 +240,20 @@ class LiveHost:
 
     def _send(self, samples: list[Sample]) -> None:
         for sample in samples:
-            publisher = self._publishers.get(sample.topic)
-            if publisher is None:
-                publisher = self._publishers[sample.topic] = self._session.declare_publisher(
-                    self._keys.topic(sample.topic),
-                    # Never wait for a subscriber that may stall: what is lost shows as a gap in the sequence.
-                    congestion_control=zenoh.CongestionControl.DROP,
-                    priority=_PRIORITY.get(sample.topic, zenoh.Priority.DATA),
-                )
-            if sample.topic in TOPICS and TOPICS[sample.topic].latched:
+            publisher, latched = self._publishers.get(sample.topic) or self._publisher(sample.topic)
+            if latched:
                 self._latched[sample.topic] = sample
             publisher.put(sample.payload, attachment=envelope.pack(sample.sequence, sample.time))
+
+    def _publisher(self, topic: str) -> tuple[zenoh.Publisher, bool]:
+        publisher = self._session.declare_publisher(
+            self._keys.topic(topic),
+            # Never wait for a subscriber that may stall: what is lost shows as a gap in the sequence.
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=_PRIORITY.get(topic, zenoh.Priority.DATA),
+        )
+        found = self._publishers[topic] = (publisher, topic in TOPICS and TOPICS[topic].latched)
+        return found
 
     def _flush(self, now: Time) -> None:
         batch = self._node.flush(now)
@@ -241,19 +270,22 @@ class LiveHost:
 
     def _report(self, now: Time) -> None:
         busy, self._busy = self._busy, Busy()
+        for topic, dropped in self._arrivals.dropped.copy().items():
+            self._inbox.count(topic).dropped += dropped - self._overrun.get(topic, 0)
+            self._overrun[topic] = dropped
         rows = []
         for topic in self._node.contract.inputs:
-            count = self._inbox.counts.get(topic)
-            consumed, age = self._consumed.get(topic, (0, 0.0))
-            dropped = 0 if count is None else count.dropped + count.lost + count.refused
-            rows.append(InputHealth(topic=topic, consumed=consumed, dropped=dropped, age=age))
+            count = self._inbox.count(topic)
+            row = InputHealth(topic=topic, consumed=count.consumed, dropped=count.dropped, age=count.age)
+            row.lost, row.refused, row.repeated, row.refusal = count.lost, count.refused, count.repeated, count.refusal
+            rows.append(row)
         self._health += 1
         health = Health(
             stamp=now,
             node=self._node.name,
             inputs=rows,
             handled=busy.events,
-            queue_length=len(self._inbox),
+            queue_length=len(self._inbox) + len(self._arrivals),
             busy_mean=seconds(busy.total // busy.events) if busy.events else 0.0,
             busy_max=seconds(busy.longest),
         )
@@ -263,7 +295,9 @@ class LiveHost:
 
     def _complain(self, topic: str, text: str) -> None:
         """Count a payload that was refused, and say so at most once a second."""
-        self._inbox.refuse(topic)
+        count = self._inbox.count(topic)
+        count.refused += 1
+        count.refusal = text[:_LONGEST_REFUSAL]
         now = time.monotonic()
         if now - self._complained.get(topic, -_LOG_EVERY) >= _LOG_EVERY:
             self._complained[topic] = now

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import queue
-import threading
 from collections import deque
-from contextlib import suppress
 from dataclasses import dataclass, field
-
-import zenoh
+from typing import Generic, TypeVar
 
 from runtime.sample import INCARNATION, Sample
 from runtime.time import Time
@@ -16,29 +13,40 @@ from runtime.time import Time
 _MOST_LIVES = 255
 _LARGEST_GAP = 1 << 20
 
+_MOST_REQUESTS = 100
 
-@dataclass
+E = TypeVar("E")
+
+
+@dataclass(slots=True)
 class Count:
     """What is known of one input.
 
     Attributes:
         last: sequence that came last; 0 before the first.
-        dropped: stale messages of a latest-only input, replaced before they were handled.
+        consumed: messages that were handled.
+        age: s, of the newest when it was handled.
+        dropped: messages that waited and were left out: stale ones of a latest-only input, and the oldest of a
+            queue that was full.
         lost: messages that never came, by gaps in the sequence.
         repeated: came again or late, and were left out.
         refused: did not parse, were too long, or bore a number from nowhere.
+        refusal: why the last one was refused.
     """
 
     last: int = 0
+    consumed: int = 0
+    age: float = 0.0
     dropped: int = 0
     lost: int = 0
     repeated: int = 0
     refused: int = 0
+    refusal: str = ""
 
 
 @dataclass
-class Inbox:
-    """Filled by Zenoh's threads, emptied by the host's. Holds samples, and queries that are requests.
+class Inbox(Generic[E]):
+    """What waits for a host's loop, which alone fills and empties it: entries, each for a sample or a request.
 
     Args:
         latest: topics of which only the newest sample is kept.
@@ -48,68 +56,110 @@ class Inbox:
     latest: frozenset[str]
     limit: int = 10_000
     counts: dict[str, Count] = field(default_factory=dict)
-    _items: deque[Sample | tuple[str, zenoh.Query]] = field(default_factory=deque)
-    _lock: threading.Lock = field(default_factory=threading.Lock)
-    # A token a new entry: a SimpleQueue wakes its reader faster than a Condition does.
-    _tokens: queue.SimpleQueue[None] = field(default_factory=queue.SimpleQueue)
+    # An item is a list of one entry, so that a newer one can take its place; a request's topic is empty.
+    _items: deque[tuple[str, list[E]]] = field(default_factory=deque)
+    _waiting: dict[str, list[E]] = field(default_factory=dict)  # of latest-only inputs
+    _requests: int = 0
 
-    def put(self, sample: Sample) -> None:
-        """Take a sample, unless it is not newer than the last of its topic."""
-        with self._lock:
-            count = self.counts.setdefault(sample.topic, Count())
-            if sample.sequence <= count.last:
+    def count(self, topic: str) -> Count:
+        """Return what is known of an input."""
+        found = self.counts.get(topic)
+        if found is None:
+            found = self.counts[topic] = Count()
+        return found
+
+    def put(self, sample: Sample, entry: E) -> str:
+        """Take the entry of a sample. Returns "", or why it is refused.
+
+        One that is not newer than the last of its topic is left out and counted.
+        """
+        topic, sequence = sample.topic, sample.sequence
+        count = self.count(topic)
+        last = count.last
+        if sequence != last + 1:
+            if sequence <= last:
                 count.repeated += 1
-                return
-            if not _follows(sample.sequence, count.last):
-                count.refused += 1
-                return
-            if count.last and sample.sequence // INCARNATION == count.last // INCARNATION:
-                count.lost += sample.sequence - count.last - 1
-            count.last = sample.sequence
-            if sample.topic in self.latest and self._replaced(sample):
-                count.dropped += 1
-            else:
-                self._items.append(sample)
-                self._tokens.put(None)
-                self._shorten()
+                return ""
+            if not _follows(sequence, last):
+                return f"'{topic}' came with the number {sequence} after {last}"
+            if last and sequence // INCARNATION == last // INCARNATION:
+                count.lost += sequence - last - 1
+        count.last = sequence
+        if topic not in self.latest:
+            self._items.append((topic, [entry]))
+        elif topic in self._waiting:
+            self._waiting[topic][0] = entry
+            count.dropped += 1
+        else:
+            place = self._waiting[topic] = [entry]
+            self._items.append((topic, place))
+        if len(self._items) > self.limit:
+            self._shorten()
+        return ""
 
-    def ask(self, name: str, query: zenoh.Query) -> None:
-        """Take a request."""
-        with self._lock:
-            self._items.append((name, query))
-            self._tokens.put(None)
+    def ask(self, entry: E) -> bool:
+        """Take a request. Returns whether there was room for it."""
+        if self._requests >= _MOST_REQUESTS:
+            return False
+        self._requests += 1
+        self._items.append(("", [entry]))
+        return True
 
-    def refuse(self, topic: str) -> None:
-        """Count a payload that was not taken."""
-        with self._lock:
-            self.counts.setdefault(topic, Count()).refused += 1
-
-    def get(self, timeout: float) -> Sample | tuple[str, zenoh.Query] | None:
-        """Return the next entry, waiting up to `timeout` s for one."""
-        with suppress(queue.Empty):
-            self._tokens.get(block=timeout > 0, timeout=max(timeout, 0.0))
-        with self._lock:
-            # A dropped entry leaves its token behind: then a wait ends early, with nothing.
-            return self._items.popleft() if self._items else None
+    def get(self) -> E | None:
+        """Return the next entry, or None if nothing waits."""
+        if not self._items:
+            return None
+        topic, place = self._items.popleft()
+        if topic in self._waiting:
+            del self._waiting[topic]
+        elif not topic:
+            self._requests -= 1
+        return place[0]
 
     def __len__(self) -> int:
         return len(self._items)
 
-    def _replaced(self, sample: Sample) -> bool:
-        for index, item in enumerate(self._items):
-            if isinstance(item, Sample) and item.topic == sample.topic:
-                self._items[index] = sample
-                return True
-        return False
-
     def _shorten(self) -> None:
-        if len(self._items) <= self.limit:
-            return
-        for index, item in enumerate(self._items):
-            if isinstance(item, Sample):
-                self.counts[item.topic].dropped += 1
+        for index, (topic, _) in enumerate(self._items):
+            if topic:
+                self.count(topic).dropped += 1
+                self._waiting.pop(topic, None)
                 del self._items[index]
                 return
+
+
+class Arrivals(Generic[E]):
+    """What Zenoh's threads brought and the host's loop has not looked at yet.
+
+    A callback does nothing but `put`, so that it never waits and holds Python's lock for the shortest time: with more
+    work there the two threads hand the lock to and fro for every message, at a tenth of the speed.
+
+    Args:
+        limit: beyond it the oldest is dropped and counted by topic, so that memory stays flat behind a slow handler.
+    """
+
+    def __init__(self, limit: int = 20_000) -> None:
+        self._limit = limit
+        self._queue: queue.SimpleQueue[tuple[str, E]] = queue.SimpleQueue()
+        self.dropped: dict[str, int] = {}
+
+    def put(self, topic: str, what: E) -> None:
+        """Take what came on `topic`. Safe to call from any thread."""
+        self._queue.put((topic, what))
+        if self._queue.qsize() > self._limit:
+            oldest = self.get(0.0)
+            if oldest is not None:
+                self.dropped[oldest[0]] = self.dropped.get(oldest[0], 0) + 1
+
+    def get(self, timeout: float) -> tuple[str, E] | None:
+        """Return the oldest, waiting up to `timeout` s for one."""
+        try:
+            return self._queue.get(timeout > 0, timeout if timeout > 0 else None)
+        except queue.Empty:
+            return None
+
+    def __len__(self) -> int:
+        return self._queue.qsize()
 
 
 def _follows(sequence: int, last: int) -> bool:
@@ -121,7 +171,7 @@ def _follows(sequence: int, last: int) -> bool:
     return number - (before if life == known else 0) <= _LARGEST_GAP or last == 0
 
 
-@dataclass
+@dataclass(slots=True)
 class Busy:
     """How long handlers took since the last health message."""
 

@@ -91,16 +91,24 @@ class Reply(_message.Message):
     def __init__(self, id: _Optional[int] = ..., name: _Optional[str] = ..., accepted: _Optional[bool] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class InputHealth(_message.Message):
-    __slots__ = ("topic", "consumed", "dropped", "age")
+    __slots__ = ("topic", "consumed", "dropped", "age", "lost", "refused", "repeated", "refusal")
     TOPIC_FIELD_NUMBER: _ClassVar[int]
     CONSUMED_FIELD_NUMBER: _ClassVar[int]
     DROPPED_FIELD_NUMBER: _ClassVar[int]
     AGE_FIELD_NUMBER: _ClassVar[int]
+    LOST_FIELD_NUMBER: _ClassVar[int]
+    REFUSED_FIELD_NUMBER: _ClassVar[int]
+    REPEATED_FIELD_NUMBER: _ClassVar[int]
+    REFUSAL_FIELD_NUMBER: _ClassVar[int]
     topic: str
     consumed: int
     dropped: int
     age: float
-    def __init__(self, topic: _Optional[str] = ..., consumed: _Optional[int] = ..., dropped: _Optional[int] = ..., age: _Optional[float] = ...) -> None: ...
+    lost: int
+    refused: int
+    repeated: int
+    refusal: str
+    def __init__(self, topic: _Optional[str] = ..., consumed: _Optional[int] = ..., dropped: _Optional[int] = ..., age: _Optional[float] = ..., lost: _Optional[int] = ..., refused: _Optional[int] = ..., repeated: _Optional[int] = ..., refusal: _Optional[str] = ...) -> None: ...
 
 class Health(_message.Message):
     __slots__ = ("stamp", "node", "inputs", "handled", "queue_length", "busy_mean", "busy_max")
@@ -119,3 +127,39 @@ class Health(_message.Message):
     busy_mean: float
     busy_max: float
     def __init__(self, stamp: _Optional[int] = ..., node: _Optional[str] = ..., inputs: _Optional[_Iterable[_Union[InputHealth, _Mapping]]] = ..., handled: _Optional[int] = ..., queue_length: _Optional[int] = ..., busy_mean: _Optional[float] = ..., busy_max: _Optional[float] = ...) -> None: ...
+
+class RecordingStart(_message.Message):
+    __slots__ = ("name", "topics", "split")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    TOPICS_FIELD_NUMBER: _ClassVar[int]
+    SPLIT_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    topics: _containers.RepeatedScalarFieldContainer[str]
+    split: str
+    def __init__(self, name: _Optional[str] = ..., topics: _Optional[_Iterable[str]] = ..., split: _Optional[str] = ...) -> None: ...
+
+class RecordingStop(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class RecordingQuery(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class RecordingStatus(_message.Message):
+    __slots__ = ("recording", "file", "parts", "messages", "seconds", "missed", "failure")
+    RECORDING_FIELD_NUMBER: _ClassVar[int]
+    FILE_FIELD_NUMBER: _ClassVar[int]
+    PARTS_FIELD_NUMBER: _ClassVar[int]
+    MESSAGES_FIELD_NUMBER: _ClassVar[int]
+    SECONDS_FIELD_NUMBER: _ClassVar[int]
+    MISSED_FIELD_NUMBER: _ClassVar[int]
+    FAILURE_FIELD_NUMBER: _ClassVar[int]
+    recording: bool
+    file: str
+    parts: int
+    messages: int
+    seconds: float
+    missed: int
+    failure: str
+    def __init__(self, recording: _Optional[bool] = ..., file: _Optional[str] = ..., parts: _Optional[int] = ..., messages: _Optional[int] = ..., seconds: _Optional[float] = ..., missed: _Optional[int] = ..., failure: _Optional[str] = ...) -> None: ...

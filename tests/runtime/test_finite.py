@@ -9,8 +9,18 @@ from google.protobuf.message import Message
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.finite import nonfinite
-from runtime.messages import Corridor, LaserScan, ObjectState, Odometry, Polyline, PushGoal, Truth, VelocityCommand
+from runtime.finite import nonfinite, surely_finite
+from runtime.messages import (
+    Corridor,
+    LaserScan,
+    ObjectState,
+    Odometry,
+    Polyline,
+    Pose2,
+    PushGoal,
+    Truth,
+    VelocityCommand,
+)
 
 BAD = st.sampled_from([math.nan, math.inf, -math.inf])
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -116,3 +126,17 @@ def test_an_absent_optional_or_inner_message_is_finite_and_stays_absent() -> Non
 
 def test_messages_without_floats_are_finite() -> None:
     assert nonfinite(SceneEntity(id="x")) is None
+
+
+@given(st.sampled_from(FULL), st.data(), BAD)
+def test_bytes_that_hold_a_number_that_is_not_finite_are_never_called_finite(
+    example: Message, data: st.DataObject, bad: float
+) -> None:
+    message = type(example).FromString(example.SerializeToString())
+    put(message, data.draw(st.sampled_from(list(places(message)))), bad)
+    assert not surely_finite(message.SerializeToString())
+
+
+def test_bytes_of_usual_messages_are_called_finite() -> None:
+    assert surely_finite(Odometry(stamp=2**40, pose=Pose2(x=1.5, y=-2.5)).SerializeToString())
+    assert surely_finite(b"")
