@@ -1,12 +1,12 @@
-"""Prints the benchmarks: `python -m experiments.bench [spine] [bus]`."""
+"""Prints the benchmarks: `python -m experiments.bench [spine] [bus] [live]`."""
 
 from __future__ import annotations
 
 import sys
 
-from experiments.bench import bus, spine
+from experiments.bench import bus, live, spine
 
-BENCHES = {"spine": spine.main, "bus": bus.main}
+BENCHES = {"spine": spine.main, "bus": bus.main, "live": live.main}
 
 
 def main() -> int:
