@@ -15,15 +15,18 @@ def check(recording: Recording, name: str, contract: Contract, lives: list[list[
     """Add to `result` what is recorded of the node `name` but stands in no journal, and journals without an end.
 
     Excused are only: what came before the recording joined, and the last moments of a life that was cut short, be
-    it by the end of a file that was cut or by the death of the service.
+    it by the end of a file that was cut, by the death of the service, or because the recorder left it running and
+    noted the entry up to which it had its journal.
     """
     _doubled(recording, name, contract, result)
     for index, rows in enumerate(lives):
         last = index == len(lives) - 1
-        cut_short = not last or recording.damage is not None
+        left = recording.running.get(name) == rows[-1].number
+        cut_short = not last or recording.damage is not None or left
         if not result.complete:
             return  # a break was found and named; what comes after it was not read
-        if rows[-1].kind != EntryKind.FINISHED and not cut_short:
+        ended = next((row.kind for row in reversed(rows) if row.kind != EntryKind.PRODUCED), None)
+        if ended != EntryKind.FINISHED and not cut_short:
             _find(result, rows[-1], f"journal of '{name}' has no end after {rows[-1]}: entries are missing")
         _unaccounted(recording, name, contract, rows, cut_short, result)
     result.findings.sort(key=lambda finding: finding.entry)

@@ -118,7 +118,7 @@ class Execution:
             self._compare_snapshot(entry, self.node.take_snapshot(entry.time))
             return []
         if entry.kind == EntryKind.FINISHED:
-            return []
+            return self.node.finish(entry.time, finish)
         self._find(entry, f"journal of '{self.name}', {entry}: not an event")
         return None
 

@@ -197,10 +197,16 @@ class Node:
         payload = snapshot.SerializeToString(deterministic=True)
         return Sample(topics.snapshot(self.name).name, snapshot.number, now, payload)
 
-    def end(self, now: Time) -> Sample | None:
-        """End the service's life in good order. Returns the last journal batch."""
+    def end(self, now: Time) -> list[Sample]:
+        """End the service's life in good order. Returns its last words and the last journal batch."""
+        words = self.finish(now, now)
+        batch = self.flush(now)
+        return words if batch is None else [*words, batch]
+
+    def finish(self, now: Time, finish: Time) -> list[Sample]:
+        """Let the service say its last words at `now`, stamped `finish`."""
         self.journal.add(_FINISHED, "", 0, now)
-        return self.flush(now)
+        return self._publish(self._run("finish", self.service.finish, now)[0], finish)
 
     def flush(self, now: Time) -> Sample | None:
         """Return the journal entries since the last flush as a sample, or None if there are none."""

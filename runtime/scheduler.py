@@ -160,9 +160,8 @@ class Scheduler:
                 self._sink(sample)
         self._unsent.clear()
         for seat in self._seats.values():
-            batch = seat.node.end(self.now)
-            if batch is not None:
-                self._sink(batch)
+            for sample in seat.node.end(self.now):
+                self._sink(sample)
 
     @property
     def dropped(self) -> dict[str, int]:

@@ -168,6 +168,10 @@ class Service:
         self.config = config
         self.latest = {}
 
+    def finish(self, now: Time) -> Effects | None:  # noqa: ARG002, for those who have last words
+        """Publish last words: the service's life ends in good order at `now`. A killed one has none."""
+        return None
+
     def freeze(self) -> None:
         """Bring everything that `state` is to hold into it. Called before a snapshot."""
 

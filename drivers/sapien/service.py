@@ -15,6 +15,7 @@ from drivers.sapien.sensors import laser_scan, ring_ranges
 from drivers.sapien.world import SUBSTEP, World, WorldState
 from runtime import topics
 from runtime.messages import (
+    Alive,
     LaserScan,
     MotionLimits,
     Odometry,
@@ -33,6 +34,7 @@ _SUBSTEP: Time = nanoseconds(SUBSTEP)
 _SCAN_EVERY = 2
 _STATUS_EVERY = 4
 _REMEMBERED = 100
+_CONTROLLER = "controller"
 
 
 @dataclass
@@ -44,6 +46,7 @@ class DriverState:
         sequence: of the last odometry; stamps: when the newest of them were published, ns, the last one last.
         command_stamp: stamp of the odometry that the command in force is based on; None while the base is held.
         command_deadline: ns that command may be old.
+        orphaned: the controller was there and is gone.
     """
 
     generator: np.random.Generator
@@ -58,6 +61,7 @@ class DriverState:
     clamped: int = 0
     stale: int = 0
     bumper: bool = False
+    orphaned: bool = False
 
 
 class SapienDriver(Service):
@@ -71,6 +75,7 @@ class SapienDriver(Service):
     Config = SapienConfig
 
     command = Input(topics.COMMAND)
+    alive = Input(topics.ALIVE)
     odometry = Output(topics.ODOMETRY)
     scan = Output(topics.SCAN)
     ranges = Output(topics.RANGES)
@@ -101,12 +106,26 @@ class SapienDriver(Service):
         self._odometry = self._fresh_odometry()
         self._odometry.state = self.state.odometry
 
+    @on(alive)
+    def call(self, alive: Alive, now: Time) -> Effects:
+        """Hold the base when the controller is gone: sooner than its last command runs out."""
+        self._advance(now)
+        gone = _CONTROLLER not in alive.nodes
+        if gone and self.state.command_stamp is not None:
+            self._hold()
+            yield self.say("the controller is gone: base held", now, "WARNING")
+        self.state.orphaned = gone
+
     @on(command)
     def obey(self, command: VelocityCommand, now: Time) -> Effects:
         """Follow a command, unless it is too old."""
         self._advance(now)
         stamp = self._stamp(command.driver_sequence)
         deadline = min(command.deadline, nanoseconds(self.config.deadline))
+        if self.state.orphaned:
+            self.state.stale += 1
+            yield self.say("command refused: its controller is gone", now)
+            return
         if stamp is None or now - stamp > deadline:
             self.state.stale += 1
             age = "unknown" if stamp is None else f"{(now - stamp) / SECOND:.3f} s"
@@ -148,10 +167,13 @@ class SapienDriver(Service):
             stop = self.state.command_stamp + self.state.command_deadline
         if stop is not None and stop < now:
             self._step_to(stop)
-            self._world.hold()
-            self.state.command_stamp = None
+            self._hold()
             self.state.stale += 1
         self._step_to(now)
+
+    def _hold(self) -> None:
+        self._world.hold()
+        self.state.command_stamp = None
 
     def _step_to(self, time: Time) -> None:
         if self.state.origin is None:

@@ -42,6 +42,11 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
         except (OSError, msgspec.MsgspecError) as error:
             raise BadPlan(f"{path} is no plan of a live system: {error}") from error
 
+    def differences(self, other: Plan) -> list[str]:
+        """Return the settings in which another machine's plan differs; each has a [bus] of its own."""
+        mine, theirs = _flat(self), _flat(other)
+        return sorted(key for key in mine.keys() | theirs.keys() if mine.get(key) != theirs.get(key))
+
     def encoded(self) -> bytes:
         """Return the plan as JSON."""
         return msgspec.json.encode(self)
@@ -53,3 +58,11 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     def config(self) -> bytes:
         """Return the configuration as a recording holds it."""
         return msgspec.json.encode({"sections": self.sections})
+
+
+def _flat(plan: Plan) -> dict[str, Any]:
+    found: dict[str, Any] = {"robot": plan.robot, "seed": plan.seed, "nodes": plan.nodes}
+    for section, values in plan.sections.items():
+        if section != "bus":
+            found |= {f"{section}.{key}": value for key, value in values.items()}
+    return found

@@ -82,10 +82,9 @@ class RemoteNode:
         samples = self._step(protocol.Flush(now))
         return samples[0] if samples else None
 
-    def end(self, now: Time) -> Sample | None:
-        """End the service's life in good order. Returns the last journal batch."""
-        samples = self._step(protocol.End(now))
-        return samples[0] if samples else None
+    def end(self, now: Time) -> list[Sample]:
+        """End the service's life in good order. Returns its last words and the last journal batch."""
+        return self._step(protocol.End(now))
 
     def stop(self) -> None:
         """End the worker."""

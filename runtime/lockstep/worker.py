@@ -78,8 +78,7 @@ class Worker:
                 batch = node.flush(now)
                 return [] if batch is None else [batch]
             case protocol.End(now):
-                batch = node.end(now)
-                return [] if batch is None else [batch]
+                return node.end(now)
         raise PushlaneError(f"worker '{self._name}' does not know the step {type(step).__name__}")
 
 

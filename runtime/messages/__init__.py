@@ -17,6 +17,7 @@ from runtime.messages.push_pb2 import (
     PushTarget,
 )
 from runtime.messages.session_pb2 import (
+    Alive,
     EntryKind,
     Health,
     InputHealth,
@@ -32,6 +33,7 @@ from runtime.messages.session_pb2 import (
 from runtime.messages.world_pb2 import ObjectState, OccupancyGrid, RobotPose, Truth, Visibility
 
 __all__ = [
+    "Alive",
     "CancelRequest",
     "Corridor",
     "EntryKind",

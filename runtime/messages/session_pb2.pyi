@@ -90,6 +90,14 @@ class Reply(_message.Message):
     reason: str
     def __init__(self, id: _Optional[int] = ..., name: _Optional[str] = ..., accepted: _Optional[bool] = ..., reason: _Optional[str] = ...) -> None: ...
 
+class Alive(_message.Message):
+    __slots__ = ("stamp", "nodes")
+    STAMP_FIELD_NUMBER: _ClassVar[int]
+    NODES_FIELD_NUMBER: _ClassVar[int]
+    stamp: int
+    nodes: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, stamp: _Optional[int] = ..., nodes: _Optional[_Iterable[str]] = ...) -> None: ...
+
 class InputHealth(_message.Message):
     __slots__ = ("topic", "consumed", "dropped", "age", "lost", "refused", "repeated", "refusal")
     TOPIC_FIELD_NUMBER: _ClassVar[int]

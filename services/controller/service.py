@@ -103,6 +103,11 @@ class ControllerService(Service):
             Wish(wish.u, wish.psi_push, wish.psi_relocate, wish.limited or cut), robot.pose.theta, omega, now
         )
 
+    def finish(self, now: Time) -> Effects:
+        """Stop the base: the driver need not wait until the last command runs out."""
+        if self.goal is not None and self.odometry is not None:
+            yield self._command(Wish(np.zeros(2)), 0.0, 0.0, now)
+
     def _may_move(self, robot: RobotPose, object: ObjectState, now: Time) -> bool:
         """Tell whether there is a push under way and everything it needs is fresh."""
         goal, corridor, target, behaviour = self.goal, self.corridor, self.target, self.behaviour
