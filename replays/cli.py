@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.options import Assignments
+from runtime.bus.config import BusConfig
+from runtime.cli.options import Assignments, ConfigFile, bus_of
 
 Session = Annotated[Path, typer.Argument(metavar="FILE.mcap", help="A recorded session.", show_default=False)]
 
@@ -65,7 +66,9 @@ def replay(
 
 
 def inspect(
-    file: Session,
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE.mcap", help="A recorded session.", show_default=False)
+    ] = None,
     save: Annotated[
         Path | None, typer.Option("--save", metavar="OUT.rrd", help="Write a Rerun file, view included.")
     ] = None,
@@ -76,17 +79,56 @@ def inspect(
         float | None, typer.Option(metavar="S", help="Time of the screenshot.", show_default="three fifths")
     ] = None,
     web: Annotated[bool, typer.Option("--web", help="Open the viewer in a browser.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Look at the running system instead of a file.")] = False,
+    connect_to: Annotated[
+        str,
+        typer.Option(
+            metavar="HOST[:PORT]", help="With --live: feed a viewer that runs already, as on another machine."
+        ),
+    ] = "",
+    bind: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="With --live --web: where the page is served.")
+    ] = "127.0.0.1",
+    duration: Annotated[
+        float, typer.Option("--for", metavar="S", help="With --live: this long; 0: until Ctrl-C.")
+    ] = 0.0,
+    config: ConfigFile = None,
+    assignments: Assignments = None,
 ) -> None:
     """Look at a session in Rerun: map, corridors, push-line, trails, what was learned, commands, phases, log.
 
-    Without --save or --screenshot the viewer opens.
+    Without --save or --screenshot the viewer opens. With --live it shows a running system, from any machine of it,
+    and can never slow that down.
     """
-    from replays.inspect.show import show
-
+    _refuse_nonfinite("--at", at)
+    _refuse_nonfinite("--for", duration)
     for out in (save, screenshot):
         _refuse_unwritable(out)
-    _refuse_nonfinite("--at", at)
-    show(file, save, screenshot, at, web)
+    if live == (file is not None):
+        raise typer.BadParameter("expected either FILE.mcap or --live")
+    if live:
+        if screenshot is not None or at is not None:
+            raise typer.BadParameter("--screenshot and --at are for files: --save a live session, and look at that")
+        _inspect_live(bus_of(config, assignments), save, web, bind, connect_to, duration)
+    elif file is not None:
+        from replays.inspect.show import show
+
+        show(file, save, screenshot, at, web)
+
+
+def _inspect_live(bus: BusConfig, save: Path | None, web: bool, bind: str, connect_to: str, duration: float) -> None:
+    import signal
+    import threading
+
+    from replays.inspect.live import show_live
+
+    stop = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: stop.set())
+    signal.signal(signal.SIGTERM, lambda *_: stop.set())
+    fed = show_live(bus, stop, typer.echo, save, web, bind, connect_to, duration)
+    dropped = f", {fed.dropped} given up because the viewer was too slow" if fed.dropped else ""
+    where = f" written to {save}" if save is not None else ""
+    typer.echo(f"{fed.messages} messages in {fed.seconds:.1f} s, {len(fed.rows)} entities{where}{dropped}")
 
 
 def _refuse_unwritable(out: Path | None) -> None:

@@ -19,7 +19,7 @@ from mcap.stream_reader import StreamReader
 from replays import integrity
 from runtime.errors import PushlaneError
 from runtime.messages import Journal, Reply, Request, Snapshot
-from runtime.recorder.header import CONFIG_NAME, FORMAT, METADATA_NAME, Header
+from runtime.recorder.header import CONFIG_NAME, END_NAME, FORMAT, METADATA_NAME, Header
 from runtime.recorder.viewer import PREFIX as VIEWER_PREFIX
 from runtime.sample import Sample
 
@@ -39,6 +39,8 @@ class Recording:
         snapshots: (node, number) -> snapshot.
         requests, replies: (node, id) -> the message.
         doubled: (topic, sequence) that occur more than once.
+        running: node -> number of the last journal entry recorded, for nodes that went on when the recorder left them
+            in good order: at its end, or for the next part.
     """
 
     path: Path
@@ -51,6 +53,7 @@ class Recording:
     requests: dict[tuple[str, int], Request] = field(default_factory=dict)
     replies: dict[tuple[str, int], Reply] = field(default_factory=dict)
     doubled: list[tuple[str, int]] = field(default_factory=list)
+    running: dict[str, int] = field(default_factory=dict)
 
     @property
     def corrupt(self) -> bool:
@@ -73,12 +76,15 @@ def load(path: Path) -> Recording:
         raise Unusable(str(error)) from error
     header: Header | None = None
     config: dict[str, Any] | None = None
+    running: dict[str, int] = {}
     found: list[tuple[str, Message]] = []
     broken = None
     try:
         for record in _records(data):
             if isinstance(record, Metadata) and record.name == METADATA_NAME:
                 header = Header.from_metadata(record.metadata)
+            elif isinstance(record, Metadata) and record.name == END_NAME:
+                running = msgspec.json.decode(record.metadata["running"], type=dict[str, int])
             elif isinstance(record, Attachment) and record.name == CONFIG_NAME:
                 config = msgspec.json.decode(record.data)
             elif isinstance(record, tuple):
@@ -98,7 +104,7 @@ def load(path: Path) -> Recording:
         raise Unusable(f"{path} is no pushlane session: its header is missing ({damage or 'no such record'})")
     if header.format != FORMAT:
         raise Unusable(f"{path} has log format {header.format}; this version reads {FORMAT}")
-    recording = Recording(path, header, config, damage)
+    recording = Recording(path, header, config, damage, running=running)
     for topic, message in found:
         try:
             _sort(recording, topic, message)

@@ -66,6 +66,7 @@ CORRIDOR = Topic("corridor", m.Corridor, latched=True)
 PUSH_TARGET = Topic("push/target", m.PushTarget, rate=20)
 PUSH_BEHAVIOUR = Topic("push/behaviour", m.PushBehaviour, rate=20)
 ALIVE = Topic("alive", m.Alive, latched=True)
+PUSH_RESPONSE = Topic("push/response", m.PushResponse, rate=20, delivery=Delivery.LATEST)
 COMMAND = Topic("command", m.VelocityCommand, rate=20, delivery=Delivery.LATEST)
 PUSH_STATUS = Topic("push/status", m.PushStatus, rate=5, latched=True)
 _TRUTH = (("robot.", 0.02), ("object.", 0.05), ("robot_twist", 0.05), ("object_twist", 0.1))
@@ -83,6 +84,7 @@ _TABLE: tuple[Topic[Any], ...] = (
     CORRIDOR,
     PUSH_TARGET,
     PUSH_BEHAVIOUR,
+    PUSH_RESPONSE,
     ALIVE,
     COMMAND,
     PUSH_STATUS,

@@ -40,8 +40,9 @@ def hosts(count: int) -> Iterator[list[Host]]:
     try:
         for index in range(count):
             name, link = f"plt{os.getpid() % 10000}h{index}", f"plt{os.getpid() % 10000}v{index}"
-            net = 8 * (os.getpid() % 32) + index
-            host = Host(name, ("ip", "netns", "exec", name), f"10.213.{net}.2", f"10.213.{net}.1", link)
+            # Two test runs at a time must not share a network.
+            net = f"10.{192 + os.getpid() // 32 % 32}.{8 * (os.getpid() % 32) + index}"
+            host = Host(name, ("ip", "netns", "exec", name), f"{net}.2", f"{net}.1", link)
             _ip("netns", "add", name)
             made.append(host)
             _ip("link", "add", link, "type", "veth", "peer", "name", "eth0", "netns", name)

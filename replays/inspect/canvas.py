@@ -15,13 +15,18 @@ TIMELINE = "t"
 
 
 class Canvas:
-    """A recording of one session, on the timeline `t` of logical time. `rows` counts rows per entity."""
+    """A recording of one session, on the timeline `t` of logical time. `rows` counts rows per entity.
+
+    `states` holds the last state of each lane, `values` those it has had: what is drawn in pieces goes on from there.
+    """
 
     def __init__(self, name: str, recording_id: str) -> None:
         self.recording = rr.RecordingStream(name, recording_id=recording_id)
         self.recording.set_log_time_enabled(False)
         self.recording.set_log_tick_enabled(False)
         self.rows: dict[str, int] = {}
+        self.states: dict[str, str] = {}
+        self.values: dict[str, set[str]] = {}
 
     def save(self, out: Path, blueprint: rr.blueprint.Blueprint) -> None:
         """Writes everything drawn so far, and closes the recording."""

@@ -16,16 +16,22 @@ HALF_VIEW = math.radians(55.0) / 2.0  # half the vertical opening of Rerun's eye
 ASPECT = 1.12  # width over height of the map view, at its narrowest
 # A plot's legend covers its right end: so much empty time, as a share of the session, keeps the lines clear of it.
 WIDE, NARROW, LANES = 0.26, 0.38, 0.10
+LIVE = 60.0  # s of a live session that plots show
 NORTH = (0.0, 1.0, 0.0)
 
 
 class Layout:
-    """Makes a blueprint with a view for everything that was drawn, and none for what was not."""
+    """Makes a blueprint with a view for everything that was drawn, and none for what was not.
 
-    def __init__(self, canvas: Canvas, ground: Ground, span: tuple[int, int]) -> None:
+    Args:
+        live: the session goes on: plots show its last minute, and the cursor follows.
+    """
+
+    def __init__(self, canvas: Canvas, ground: Ground, span: tuple[int, int], live: bool = False) -> None:
         self._canvas = canvas
         self._ground = ground
         self._first, self._last = span
+        self._live = live
 
     def blueprint(self) -> rrb.Blueprint:
         """The whole window."""
@@ -41,7 +47,7 @@ class Layout:
         )
         return rrb.Blueprint(
             rrb.Horizontal(left, right, column_shares=[1.0, 1.1]),
-            rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+            rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following" if self._live else None),
             rrb.SelectionPanel(state="hidden"),
             rrb.BlueprintPanel(state="hidden"),
             rrb.TopPanel(state="hidden"),
@@ -86,7 +92,7 @@ class Layout:
             ("/samples", "Samples"),
             ("/blend", "psi_push, psi_relocate"),
         )
-        if not self._canvas.has("/activation"):
+        if not self._canvas.has("/history"):
             return _beside(plots)
         # The picture and a little more: the view fills its width, and must not cut the labels off.
         width, height = HISTORY
@@ -131,7 +137,10 @@ class Layout:
         return _tabs(views)
 
     def _time(self, room: float) -> rrb.TimeAxis:
-        """The whole session, and `room` of its length more."""
+        """The whole session, and `room` of its length more; of a live one the last minute."""
+        if self._live:
+            ends = [rrb.TimeRangeBoundary.cursor_relative(seconds=end) for end in (-LIVE, room * LIVE)]
+            return rrb.TimeAxis(view_range=TimeRange(*ends))
         last = self._last + round(room * max(self._last - self._first, 1))
         ends = [rrb.TimeRangeBoundary.absolute(nanos=end) for end in (self._first, last)]
         return rrb.TimeAxis(view_range=TimeRange(*ends))

@@ -34,8 +34,8 @@ class Learned:
     alpha_p: NDArray[np.float64]
 
 
-def draw_learning(canvas: Canvas, session: Session, where: Places) -> None:
-    """All three pictures; nothing without push/behaviour."""
+def draw_learning(canvas: Canvas, session: Session, where: Places, history: bool = True) -> None:
+    """All three pictures; nothing without push/behaviour. The one over the session needs the whole of it."""
     track = session.track("push/behaviour", PushBehaviour)
     if not len(track):
         return
@@ -48,7 +48,8 @@ def draw_learning(canvas: Canvas, session: Session, where: Places) -> None:
     )
     _draw_lobe(canvas, session.track("push/target", PushTarget), learned, where)
     _draw_bars(canvas, learned)
-    _draw_history(canvas, learned, session.span)
+    if history:
+        _draw_history(canvas, learned, session.span)
 
 
 def _draw_lobe(canvas: Canvas, targets: Track[PushTarget], learned: Learned, where: Places) -> None:

@@ -19,7 +19,7 @@ _LEVELS = {Log.DEBUG: "DEBUG", Log.INFO: "INFO", Log.WARNING: "WARN", Log.ERROR:
 
 def draw_log(canvas: Canvas, session: Session) -> None:
     """Draw every line; the line says its time and who said it."""
-    lines = [*_said(session), *_requests(session), *_push(session), *_corridors(session)]
+    lines = [*_said(session), *_requests(session), *_push(canvas, session), *_corridors(session)]
     for who in sorted({line[0] for line in lines}):
         own = [line for line in lines if line[0] == who]
         canvas.columns(
@@ -54,15 +54,15 @@ def _requests(session: Session) -> Iterator[Line]:
                 yield "reply", time, "INFO" if reply.accepted else "WARN", f"{reply.name} #{reply.id} {verdict}"
 
 
-def _push(session: Session) -> Iterator[Line]:
+def _push(canvas: Canvas, session: Session) -> Iterator[Line]:
     track = session.track("push/status", PushStatus)
-    before = ""
+    before = canvas.states.get("log/push", "")
     for time, status in zip(track.times.tolist(), track.messages, strict=True):
         state = outcome(status)
         if state != before:
             level = "ERROR" if state.startswith("failed") else "INFO"
             yield "push", time, level, f"{state}, {status.reason}" if status.reason else state
-        before = state
+        before = canvas.states["log/push"] = state
 
 
 def _corridors(session: Session) -> Iterator[Line]:

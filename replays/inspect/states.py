@@ -38,8 +38,11 @@ def _lane(canvas: Canvas, entity: str, times: NDArray[np.int64], states: Sequenc
     """One lane; a row only where the state changes."""
     if not len(times):
         return
-    changes = [index for index, state in enumerate(states) if index == 0 or states[index - 1] != state]
-    values = sorted(set(states))
+    before = [canvas.states.get(entity), *states[:-1]]
+    changes = [index for index, state in enumerate(states) if before[index] != state]
+    canvas.states[entity] = states[-1]
+    values = sorted(canvas.values.setdefault(entity, set()) | set(states))
+    canvas.values[entity].update(values)
     colours = [_COLOURS.get(value.split(":")[0], palette.BUSY) for value in values]
     canvas.fixed(entity, rr.StateConfiguration(values=values, labels=values, colors=colours))
     canvas.columns(entity, times[changes], rr.StateChange.columns(state=[states[index] for index in changes]))

@@ -24,6 +24,7 @@ LOAD = 60.0  # s for a recording to be loaded
 GREETING = 2.2  # s after its start: the viewer shows a note about itself at first
 SETTLE = 0.4  # s between two pictures that must be the same
 TRIES = 20
+LIVE_MEMORY = "1GB"  # of a live session; beyond it the viewer forgets the oldest
 _SIGNS_OF_NO_VULKAN = ("No graphics adapter", "Failed to get render context")
 _DRAWING = ("re_view_", "re_viewer_context")
 
@@ -45,13 +46,64 @@ def save_picture(rrd: Path, out: Path, at: float | None, size: tuple[int, int]) 
 
 def open_window(rrd: Path, web: bool) -> None:
     """See `replays.inspect.open_viewer`."""
-    if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise NoDisplay("this machine has no screen: use --save FILE.rrd or --screenshot FILE.png")
+    if not web:
+        _need_screen("use --save FILE.rrd or --screenshot FILE.png")
     command = [str(_binary()), str(rrd)]
     if web:
         # The default address is every network this machine is on.
         command += ["--web-viewer", "--bind", "127.0.0.1"]
     subprocess.run(command, check=True, env=_environment())
+
+
+@contextmanager
+def serving(web: bool, bind: str) -> Iterator[tuple[subprocess.Popen[bytes], str, str]]:
+    """Run a viewer for live data, in a window or as a web page at the address `bind`.
+
+    Yields its process, where to send data, and, for a web page, where a browser finds it. Ends the process.
+
+    Raises:
+        NoDisplay: there is no screen for a window.
+        ViewError: it did not start.
+    """
+    if not web:
+        _need_screen("use --web, or --connect-to a viewer on another machine")
+    port, page = _free_port(), _free_port()
+    command = [str(_binary()), "--bind", bind if web else "127.0.0.1", "--port", str(port)]
+    if web:
+        command += ["--serve-web", "--web-viewer-port", str(page), "--server-memory-limit", LIVE_MEMORY]
+    else:
+        command += ["--hide-welcome-screen", "--expect-data-soon", "--memory-limit", LIVE_MEMORY]
+    quiet = {**_environment(), "RUST_LOG": "warn"}
+    process = subprocess.Popen(command, env=quiet, stdout=subprocess.DEVNULL, start_new_session=True)
+    try:
+        until = time.monotonic() + START
+        while not _answers(port):
+            if process.poll() is not None or time.monotonic() > until:
+                raise ViewError("the viewer did not start; it said why above")
+            time.sleep(0.1)
+        host = "127.0.0.1" if bind in {"0.0.0.0", "::"} else bind
+        proxy = f"rerun%2Bhttp%3A%2F%2F{host}%3A{port}%2Fproxy"
+        yield process, f"rerun+http://127.0.0.1:{port}/proxy", f"http://{host}:{page}/?url={proxy}" if web else ""
+    finally:
+        process.terminate()
+        try:
+            process.wait(3.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _answers(port: int) -> bool:
+    try:
+        socket.create_connection(("127.0.0.1", port), timeout=0.5).close()
+    except OSError:
+        return False
+    return True
+
+
+def _need_screen(instead: str) -> None:
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise NoDisplay(f"this machine has no screen: {instead}")
 
 
 def _binary() -> Path:

@@ -64,3 +64,7 @@ class Keys:
     def session(self) -> str:
         """Return the key at which the launcher tells header and configuration of the session."""
         return f"{self.root}/@session"
+
+    def host(self, name: str) -> str:
+        """Return the key at which a launcher is asked about its machine."""
+        return f"{self.root}/@host/{name}"

@@ -14,7 +14,10 @@ from contextlib import contextmanager, suppress
 
 import zenoh
 
+from runtime.bus import certificates
+from runtime.bus.access import access_control
 from runtime.bus.config import BusConfig
+from runtime.bus.keys import Keys
 from runtime.errors import PushlaneError
 
 _CLOSE_LIMIT = 1.0
@@ -31,10 +34,12 @@ def hub(config: BusConfig) -> Iterator[zenoh.Session]:
 
     Raises:
         NoBus: it cannot listen there, for example because another system does.
+        BadCertificate: a file of [bus.tls] is wrong.
     """
-    settings = {"mode": "router", "listen/endpoints": list(config.listen), "connect/endpoints": []}
+    if config.tls is not None:
+        certificates.check(config.tls)
     try:
-        session = zenoh.open(_config(settings, config.lease))
+        session = zenoh.open(_config(hub_settings(config)))
     except zenoh.ZError as error:
         raise NoBus(f"cannot listen at {', '.join(config.listen)}: {_first_line(error)}") from error
     with _closing(session):
@@ -49,9 +54,13 @@ def client(config: BusConfig, patience: float = 10.0) -> Iterator[zenoh.Session]
         patience: s to wait for the hub.
 
     Raises:
-        NoBus: there is no hub at the endpoints.
+        NoBus: there is no hub at the endpoints, or it does not take our certificate.
+        BadCertificate: a file of [bus.tls] is wrong.
     """
-    settings = {
+    if config.tls is not None:
+        certificates.check(config.tls)
+    settings: dict[str, object] = {
+        **_common(config),
         "mode": "client",
         "connect/endpoints": list(config.connect),
         "connect/timeout_ms": 500,
@@ -61,13 +70,14 @@ def client(config: BusConfig, patience: float = 10.0) -> Iterator[zenoh.Session]
     while True:
         # In slices, since an open session attempt does not hear Ctrl-C.
         try:
-            session = zenoh.open(_config(settings, config.lease))
+            session = zenoh.open(_config(settings))
             break
         except zenoh.ZError as error:
             if time.monotonic() > deadline:
+                reasons = _why(config) or _first_line(error)
                 places = ", ".join(config.connect)
                 raise NoBus(
-                    f"no hub at {places}: {_first_line(error)}; start a system with pushlane run, or set bus.connect"
+                    f"no hub at {places}: {reasons}; start a system with pushlane run, or set bus.connect"
                 ) from error
             time.sleep(0.1)
     with _closing(session):
@@ -90,18 +100,55 @@ def _close(session: zenoh.Session) -> None:
         session.close()
 
 
-def _config(settings: Mapping[str, object], lease: float) -> zenoh.Config:
-    config = zenoh.Config()
-    fixed: dict[str, object] = {
+def hub_settings(config: BusConfig) -> dict[str, object]:
+    """Return Zenoh's settings of the hub: path -> value. A router of somebody else with these does as well."""
+    settings = {
+        **_common(config),
+        "mode": "router",
+        "listen/endpoints": list(config.listen),
+        "connect/endpoints": [],
+    }
+    if config.access is not None:
+        settings["access_control"] = access_control(config.access, Keys(config.robot))
+    return settings
+
+
+def _common(config: BusConfig) -> dict[str, object]:
+    settings: dict[str, object] = {
         "scouting/multicast/enabled": False,
         "scouting/delay": 0,
         "transport/shared_memory/enabled": False,
-        "transport/link/tx/lease": round(1000 * lease),
+        "transport/link/tx/lease": round(1000 * config.lease),
         "transport/link/tx/keep_alive": _KEEP_ALIVE,
     }
-    for key, value in {**fixed, **settings}.items():
+    if config.tls is not None:
+        tls = config.tls
+        settings["transport/link/protocols"] = ["tls"]
+        settings["transport/link/tls"] = {
+            "root_ca_certificate": tls.ca,
+            "listen_certificate": tls.certificate,
+            "listen_private_key": tls.key,
+            "connect_certificate": tls.certificate,
+            "connect_private_key": tls.key,
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+        }
+    return settings
+
+
+def _config(settings: Mapping[str, object]) -> zenoh.Config:
+    config = zenoh.Config()
+    for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def _why(config: BusConfig) -> str:
+    """Return what is wrong at each TLS endpoint."""
+    if config.tls is None:
+        return ""
+    return ", ".join(filter(None, (certificates.why_refused(place, config.tls) for place in config.connect)))
 
 
 def _first_line(error: Exception) -> str:

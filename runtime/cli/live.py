@@ -1,10 +1,13 @@
-"""`pushlane run`, `push`, `cancel` and `record`: a system of services in real time."""
+"""`pushlane run`, `push`, `cancel`, `record`, `recording` and `snapshot`: a system of services in real time."""
 
 from __future__ import annotations
 
 import signal
-import sys
 import threading
+import time
+from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +17,8 @@ import typer
 from runtime.cli.options import Assignments, ConfigFile, bus_of, layers
 from runtime.config.layers import ConfigError
 
+recordings = typer.Typer(no_args_is_help=True, help="Let a running system record itself.")
+
 
 def register(root: typer.Typer) -> None:
     """Add the verbs of this module to `root`."""
@@ -21,6 +26,8 @@ def register(root: typer.Typer) -> None:
     root.command(name="push")(push)
     root.command(name="cancel")(cancel)
     root.command(name="record")(record)
+    root.command(name="snapshot")(snapshot)
+    root.add_typer(recordings, name="recording")
 
 
 def run(
@@ -45,7 +52,10 @@ def run(
 
     The first launcher is the meeting point of the system; others [bold]--join[/bold] it.
     """
+    from rich.console import Console
+
     from runtime.live.launcher import Launcher
+    from runtime.live.table import shown
 
     given = layers(system, assignments)
     hosts: dict[str, list[str]] = {}
@@ -54,16 +64,20 @@ def run(
     session = import_module("experiments.session").prepare(given)
     plan = session.plan()
     names = _chosen(plan.nodes, only or [], hosts, host)
-    if output is not None and not output.parent.is_dir():
-        raise ConfigError(f"cannot write {output}: there is no folder {output.parent}")
-    if output is not None and output.exists():
-        raise ConfigError(f"{output} is there already: choose another name")
-    launcher = Launcher(plan, session.effective.sections["bus"], names, output, join)
+    if output is not None:
+        _refuse_unwritable(output)
+    _check_recordings(plan.sections["live"])
+    bus = session.effective.sections["bus"]
+    console = Console()
+    on_terminal = console.is_terminal
+    say = partial(console.print, markup=False, highlight=False) if on_terminal else typer.echo
+    launcher = Launcher(plan, bus, names, output, join, say, recorder=not join)
     signal.signal(signal.SIGINT, lambda *_: launcher.stop())
     signal.signal(signal.SIGTERM, lambda *_: launcher.stop())
     typer.echo(f"starting {', '.join(names)}{f', recording to {output}' if output else ''}; Ctrl-C ends it")
-    threading.Thread(target=_announce, args=(launcher,), daemon=True).start()
-    launcher.run()
+    threading.Thread(target=_announce, args=(launcher, say), daemon=True).start()
+    with shown(launcher, bus, console) if on_terminal else nullcontext():
+        launcher.run()
     typer.echo("stopped")
 
 
@@ -80,7 +94,11 @@ def push(
 
     Exits with 0 if the object was delivered, 1 if not, 2 if the goal was refused. Ctrl-C cancels the push.
     """
+    from rich.console import Console
+    from rich.live import Live
+
     from runtime.live.operate import follow_push
+    from runtime.live.table import push_line
     from runtime.messages import PushGoal, Vector2
 
     goal = PushGoal(
@@ -90,7 +108,13 @@ def push(
         precision=precision,
         time_limit=time_limit,
     )
-    delivered = follow_push(bus_of(config, assignments), goal, typer.echo, live=sys.stdout.isatty())
+    bus = bus_of(config, assignments)
+    console = Console()
+    if not console.is_terminal:
+        raise typer.Exit(0 if follow_push(bus, goal, typer.echo) else 1)
+    with Live(console=console, transient=True) as live:
+        say = partial(console.print, markup=False, highlight=False)
+        delivered = follow_push(bus, goal, say, lambda status, start: live.update(push_line(status, start)))
     raise typer.Exit(0 if delivered else 1)
 
 
@@ -108,24 +132,134 @@ def cancel(
 
 
 def record(
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.mcap", help="The new recording.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE.mcap", help="The new recording.", show_default="ROBOT-DATE-TIME.mcap"
+        ),
+    ] = None,
     topics: Annotated[
         list[str] | None, typer.Option("--topics", metavar="GLOB", help="Only these topics; journals always.")
     ] = None,
+    split: Annotated[
+        str, typer.Option(metavar="SIZE|TIME", help="Begin a new part after 200MB, 60s, 10min.", show_default="never")
+    ] = "",
     config: ConfigFile = None,
     assignments: Assignments = None,
 ) -> None:
     """Record a running system, from any machine of it, until Ctrl-C.
 
-    The file begins with the latched values and a snapshot of every service, so that it replays by itself.
+    Every file, also every part of one that is split, begins with the latched values and a snapshot of every service,
+    so that it replays by itself.
     """
+    from runtime.live.deck import default_name
     from runtime.live.record import record as work
+    from runtime.live.split import Split
 
+    bus, limit = bus_of(config, assignments), Split.parse(split)
+    path = output or Path(default_name(bus.robot))
+    _refuse_unwritable(path)
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
-    count = work(bus_of(config, assignments), output, topics or ["*"], stop)
-    typer.echo(f"{count} messages recorded to {output}")
+    tape = work(bus, path, topics or [], limit, stop, typer.echo)
+    for line in tape.summary():
+        typer.echo(line)
+
+
+@recordings.command()
+def start(
+    name: Annotated[
+        str, typer.Argument(help="Of the file, without a folder.", show_default="ROBOT-DATE-TIME.mcap")
+    ] = "",
+    topics: Annotated[
+        list[str] | None, typer.Option("--topics", metavar="GLOB", help="Only these topics; journals always.")
+    ] = None,
+    split: Annotated[
+        str, typer.Option(metavar="SIZE|TIME", help="Begin a new part after this.", show_default="as [live] split says")
+    ] = "",
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+) -> None:
+    """Let the system record itself, on the machine of its first launcher. Exits with 2 if that is refused."""
+    from runtime.live.operate import ask, recording_status
+    from runtime.messages import RecordingStart
+
+    bus = bus_of(config, assignments)
+    ask(bus, "recording/start", RecordingStart(name=name, topics=topics or [], split=split))
+    typer.echo(f"recording to {recording_status(bus).file}")
+
+
+@recordings.command()
+def stop(config: ConfigFile = None, assignments: Assignments = None) -> None:
+    """End the recording that runs. Exits with 2 if there is none."""
+    from runtime.live.operate import ask, recording_status
+    from runtime.messages import RecordingStop
+
+    bus = bus_of(config, assignments)
+    ask(bus, "recording/stop", RecordingStop())
+    deadline = time.monotonic() + 10.0
+    found = recording_status(bus)
+    while found.recording and time.monotonic() < deadline:
+        time.sleep(0.2)
+        found = recording_status(bus)
+    typer.echo(_recording_text(found))
+
+
+@recordings.command()
+def status(config: ConfigFile = None, assignments: Assignments = None) -> None:
+    """Say what is being recorded."""
+    from runtime.live.operate import recording_status
+
+    typer.echo(_recording_text(recording_status(bus_of(config, assignments))))
+
+
+def _recording_text(status: Any) -> str:
+    if not status.file:
+        return "nothing is being recorded"
+    missed = f", {status.missed} missed" if status.missed else ""
+    parts = f" in {status.parts} parts" if status.parts > 1 else ""
+    failure = f"; it broke off: {status.failure}" if status.failure else ""
+    verb = "recording to" if status.recording else "not recording; the last was"
+    return f"{verb} {status.file}: {status.messages} messages{parts} in {status.seconds:.1f} s{missed}{failure}"
+
+
+def snapshot(
+    node: Annotated[str, typer.Argument(help="A service.", show_default="all")] = "*",
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+) -> None:
+    """Ask services for a snapshot of their state. They publish it, and so it is in a recording that runs."""
+    from runtime.live.operate import ask_for_snapshots
+
+    for found in ask_for_snapshots(bus_of(config, assignments), node):
+        size = len(found.service) + len(found.host)
+        typer.echo(f"{found.node:<12} accepted: snapshot {found.number} at entry {found.entry}, {size} bytes")
+
+
+def _check_recordings(live: dict[str, Any]) -> None:
+    """Raise unless the system can record as [live] says.
+
+    Raises:
+        ConfigError: the folder is missing. BadSplit: the limit of a part is none.
+    """
+    from runtime.live.split import Split
+
+    if not Path(live["recordings"]).is_dir():
+        raise ConfigError(f"live.recordings: there is no folder {live['recordings']}")
+    Split.parse(live["split"])
+
+
+def _refuse_unwritable(path: Path) -> None:
+    """Raise unless `path` can be a new file.
+
+    Raises:
+        ConfigError: its folder is missing, or it is there already.
+    """
+    if not path.parent.is_dir():
+        raise ConfigError(f"cannot write {path}: there is no folder {path.parent}")
+    if path.exists():
+        raise ConfigError(f"{path} is there already: choose another name")
 
 
 def _chosen(names: list[str], only: list[str], hosts: dict[str, Any], host: str) -> list[str]:
@@ -144,9 +278,7 @@ def _chosen(names: list[str], only: list[str], hosts: dict[str, Any], host: str)
     return [name for name in names if not only or name in only]
 
 
-def _announce(launcher: Any) -> None:
-    import time
-
+def _announce(launcher: Any, say: Callable[[str], None]) -> None:
     while not launcher.ready():
         time.sleep(0.1)
-    typer.echo("all services are up")
+    say("all services are up")

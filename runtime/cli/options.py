@@ -32,7 +32,7 @@ def layers(config: Path | None, assignments: Sequence[str] | None) -> list[Layer
     Raises:
         ConfigError: the file cannot be read, or an assignment is none.
     """
-    found = [read_toml(config)] if config is not None else []
+    found = [_completed(read_toml(config), config.parent)] if config is not None else []
     return [*found, read_assignments(assignments)] if assignments else found
 
 
@@ -48,3 +48,17 @@ def bus_of(config: Path | None, assignments: Sequence[str] | None) -> BusConfig:
     found = effective({"bus": BusConfig}, given).sections["bus"]
     assert isinstance(found, BusConfig)
     return found
+
+
+def _completed(layer: Layer, folder: Path) -> Layer:
+    """Return the layer of a file with its [bus] made whole by what only the file knows.
+
+    Paths of certificates are relative to the file, and who runs which services stands once, in [hosts].
+    """
+    bus = layer.values.get("bus")
+    tls, access = (bus.get(name) for name in ("tls", "access")) if isinstance(bus, dict) else (None, None)
+    if isinstance(tls, dict):
+        tls.update({name: str(folder / path) for name, path in tls.items() if isinstance(path, str) and path})
+    if isinstance(access, dict) and "hosts" in layer.values:
+        access.setdefault("hosts", layer.values["hosts"])
+    return layer

@@ -1,4 +1,4 @@
-"""`pushlane topics` and `pushlane nodes`: what a running system says."""
+"""`pushlane topics`, `nodes` and `doctor`: what a running system says, and what is wrong with it."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ def register(root: typer.Typer) -> None:
     """Add the verbs of this module to `root`."""
     root.add_typer(app, name="topics")
     root.command(name="nodes")(nodes)
+    root.command(name="doctor")(doctor)
 
 
 @app.command()
@@ -73,7 +74,10 @@ def bw(
 def echo(
     topic: TopicName, config: ConfigFile = None, assignments: Assignments = None, duration: Duration = 0.0
 ) -> None:
-    """Print messages as they come."""
+    """Print messages as they come. Exits with 1 if none came.
+
+    A latched topic is told at once.
+    """
     from google.protobuf.text_format import MessageToString
 
     from runtime.live.watch import listen
@@ -84,21 +88,78 @@ def echo(
         text = MessageToString(message_type(sample.topic).FromString(sample.payload), as_one_line=True)
         typer.echo(f"{sample.topic} {sample.sequence} at {sample.time / 1e9:.3f} s: {text[:2000]}")
 
-    listen(bus_of(config, assignments), topic, duration, show)
+    def silent() -> None:
+        typer.echo(_why_silent(topic), err=True)
+
+    tally = listen(bus_of(config, assignments), topic, duration, show, silent, latched=True)
+    if not tally.counts:
+        raise typer.Exit(1)
+
+
+def _why_silent(topic: str) -> str:
+    from runtime.recorder.schema import message_type
+    from runtime.topics import TOPICS
+
+    if "*" in topic:
+        return f"nothing came that matches '{topic}'"
+    try:
+        message_type(topic)
+    except KeyError:
+        return f"nothing came, and no topic is called '{topic}'; the table has {', '.join(TOPICS)}"
+    return f"nothing came on '{topic}': pushlane nodes says who is up, pushlane topics graph --text who publishes it"
 
 
 @app.command()
-def graph() -> None:
-    """Print who publishes what to whom, as the services declare it, in Graphviz's language."""
+def graph(
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+    duration: Duration = 2.0,
+    text: Annotated[bool, typer.Option("--text", help="As a tree, for people.")] = False,
+    declared: Annotated[
+        bool, typer.Option("--declared", help="What the services declare, without a running system.")
+    ] = False,
+) -> None:
+    """Print who publishes what to whom in the running system, with measured rates, for Graphviz."""
     registry = import_module("runtime.registry")
-    classes = {name: registry.service_class(name) for name in registry.SERVICES}
-    typer.echo("digraph pushlane {")
-    for publisher, kind in classes.items():
-        for topic in kind.contract.outputs:
-            for listener, other in classes.items():
-                if topic in other.contract.inputs:
-                    typer.echo(f'  "{publisher}" -> "{listener}" [label="{topic}"];')
-    typer.echo("}")
+    drawing = import_module("runtime.live.graph")
+    if declared:
+        found = drawing.Graph.of(list(registry.SERVICES))
+    else:
+        found = drawing.running(bus_of(config, assignments), duration)
+        if not found.nodes:
+            typer.echo("no service is up; --declared prints what they would do", err=True)
+            raise typer.Exit(1)
+    for line in found.tree() if text else found.graphviz():
+        typer.echo(line)
+
+
+def doctor(
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+    duration: Annotated[float, typer.Option("--for", metavar="S", help="Measure rates for this long.")] = 3.0,
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON: grade, subject, text, remedy.")] = False,
+) -> None:
+    """Examine this machine and the running system; each finding comes with its remedy.
+
+    Versions, endpoints, certificates, clocks, disks, rates against the table, losses. Exits with 1 if anything fails.
+    """
+    import json
+
+    from runtime.live.doctor import examine
+    from runtime.live.finding import Grade
+
+    findings = examine(bus_of(config, assignments), duration)
+    if as_json:
+        rows = [{"grade": f.grade.name, "subject": f.subject, "text": f.text, "remedy": f.remedy} for f in findings]
+        typer.echo(json.dumps(rows, indent=1))
+    else:
+        colours = {Grade.OK: typer.colors.GREEN, Grade.WARN: typer.colors.YELLOW, Grade.FAIL: typer.colors.RED}
+        for one in findings:
+            grade = typer.style(f"{one.grade.value:<5}", fg=colours[one.grade])
+            typer.echo(f"{grade}{one.subject}: {one.text}")
+            if one.remedy:
+                typer.echo(f"       -> {one.remedy}")
+    raise typer.Exit(1 if any(one.grade is Grade.FAIL for one in findings) else 0)
 
 
 def nodes(config: ConfigFile = None, assignments: Assignments = None) -> None:
@@ -125,7 +186,7 @@ def nodes(config: ConfigFile = None, assignments: Assignments = None) -> None:
         if health is None:
             typer.echo(f"{name:<12} up, no health report")
             continue
-        lost = sum(row.dropped for row in health.inputs)
+        lost = sum(row.dropped + row.lost + row.refused for row in health.inputs)
         typer.echo(
             f"{name:<12} up, {health.handled} events a second, handler {1000 * health.busy_mean:.2f} ms mean, "
             f"{1000 * health.busy_max:.2f} ms longest, queue {health.queue_length}, dropped {lost}"

@@ -23,3 +23,7 @@ class LiveConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     largest: Annotated[int, Meta(ge=1024, le=1 << 30, description="bytes of a payload above which it is refused")] = (
         16 << 20
     )
+    recordings: Annotated[str, Meta(min_length=1, description="folder of recordings that are asked for")] = "."
+    split: Annotated[
+        str, Meta(description="size or time after which a recording begins a new part, as 200MB or 10min; empty: never")
+    ] = ""

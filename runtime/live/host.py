@@ -21,6 +21,7 @@ from runtime import topics
 from runtime.bus import envelope
 from runtime.bus.keys import Keys
 from runtime.errors import PushlaneError
+from runtime.live.beat import beat
 from runtime.live.clock import Clock
 from runtime.live.config import LiveConfig
 from runtime.live.inbox import Arrivals, Busy, Inbox
@@ -93,8 +94,7 @@ class LiveHost:
             # What is there by now stays: the collector of garbage need not go through it again and again.
             gc.freeze()
             self._loop()
-            last = self._node.end(self._clock.now())
-            self._send([] if last is None else [last])
+            self._send(self._node.end(self._clock.now()))
         finally:
             for one in declared:
                 one.undeclare()
@@ -265,8 +265,8 @@ class LiveHost:
         self._send([sample])
         return sample.payload
 
-    def _beat(self, now: Time) -> None:
-        self._session.put(self._keys.beat(self._node.name), now.to_bytes(8, "little"))
+    def _beat(self, _: Time) -> None:
+        beat()
 
     def _report(self, now: Time) -> None:
         busy, self._busy = self._busy, Busy()

@@ -1,4 +1,4 @@
-"""What an operator does with a running system: ask for a push, follow it, cancel it."""
+"""What an operator does with a running system: ask for a push, follow it, cancel it, let it record itself."""
 
 from __future__ import annotations
 
@@ -12,7 +12,17 @@ from runtime.bus.config import BusConfig
 from runtime.bus.keys import Keys
 from runtime.bus.session import client
 from runtime.errors import PushlaneError
-from runtime.messages import CancelRequest, PushGoal, PushOutcome, PushPhase, PushStatus, Reply
+from runtime.messages import (
+    CancelRequest,
+    PushGoal,
+    PushOutcome,
+    PushPhase,
+    PushStatus,
+    RecordingQuery,
+    RecordingStatus,
+    Reply,
+    Snapshot,
+)
 
 _ANSWER_LIMIT = 3.0
 _SILENCE_LIMIT = 10.0
@@ -37,10 +47,46 @@ def ask(bus: BusConfig, name: str, message: Message) -> None:
         _ask(session, Keys(bus.robot), name, message)
 
 
-def follow_push(bus: BusConfig, goal: PushGoal, say: Callable[[str], None], live: bool = False) -> bool:
+def recording_status(bus: BusConfig) -> RecordingStatus:
+    """Return what the recorder of the system does.
+
+    Raises:
+        NoBus, NoAnswer: see there.
+    """
+    with client(bus) as session:
+        return RecordingStatus.FromString(_answer(session, Keys(bus.robot), "recording/status", RecordingQuery()))
+
+
+def ask_for_snapshots(bus: BusConfig, node: str = "*") -> list[Snapshot]:
+    """Let `node`, or all, give and publish a snapshot. Returns them, by name.
+
+    Raises:
+        NoBus, NoAnswer: see there.
+    """
+    with client(bus) as session:
+        # All answer under the key that was asked, of which consolidation would keep one.
+        every = zenoh.ConsolidationMode.NONE
+        answers = session.get(Keys(bus.robot).snapshot(node), timeout=_ANSWER_LIMIT, consolidation=every)
+        found = [Snapshot.FromString(bytes(answer.ok.payload)) for answer in answers if answer.ok is not None]
+    if not found:
+        who = "no service" if node == "*" else f"no service '{node}'"
+        raise NoAnswer(f"{who} gave a snapshot within {_ANSWER_LIMIT:g} s: is the system running?")
+    return sorted(found, key=lambda one: one.node)
+
+
+def follow_push(
+    bus: BusConfig,
+    goal: PushGoal,
+    say: Callable[[str], None],
+    show: Callable[[PushStatus, float], None] | None = None,
+) -> bool:
     """Ask for a push and follow it to its end. Returns whether the object was delivered.
 
     Ctrl-C cancels the push.
+
+    Args:
+        say: is given lines for people; on the way only where there is no `show`.
+        show: is given every status, and the m that were left at the beginning.
 
     Raises:
         NoBus, NoAnswer, Refused: see there.
@@ -57,7 +103,7 @@ def follow_push(bus: BusConfig, goal: PushGoal, say: Callable[[str], None], live
         subscriber = session.declare_subscriber(keys.topic("push/status"), hear)
         try:
             _ask(session, keys, "push/goal", goal)
-            status = _follow(news, changed, say, 0.5 if live else _LINE_EVERY)
+            status = _follow(news, changed, say, show)
         except KeyboardInterrupt:
             _ask(session, keys, "push/cancel", CancelRequest(reason="cancelled by the operator"))
             say("cancelled")
@@ -72,29 +118,39 @@ def follow_push(bus: BusConfig, goal: PushGoal, say: Callable[[str], None], live
     return status.outcome == PushOutcome.DELIVERED
 
 
-def _follow(news: list[PushStatus], changed: threading.Event, say: Callable[[str], None], every: float) -> PushStatus:
-    said = -every
+def _follow(
+    news: list[PushStatus],
+    changed: threading.Event,
+    say: Callable[[str], None],
+    show: Callable[[PushStatus, float], None] | None,
+) -> PushStatus:
+    said, start = -_LINE_EVERY, 0.0
     while True:
         if not changed.wait(_SILENCE_LIMIT):
             say(f"no news for {_SILENCE_LIMIT:g} s; still waiting")
             continue
         changed.clear()
         status = news[-1]
+        start = max(start, status.distance_left)
+        if show is not None:
+            show(status, start)
         if status.phase == PushPhase.ENDED:
             return status
-        if status.elapsed - said >= every:
+        if show is None and status.elapsed - said >= _LINE_EVERY:
             said = status.elapsed
             phase = PushPhase.Name(status.phase).lower()
             say(f"{status.elapsed:7.1f} s  {phase:<8}  {status.distance_left:5.2f} m left")
 
 
 def _ask(session: zenoh.Session, keys: Keys, name: str, message: Message) -> None:
+    reply = Reply.FromString(_answer(session, keys, name, message))
+    if not reply.accepted:
+        raise Refused(f"'{name}' was refused: {reply.reason}")
+
+
+def _answer(session: zenoh.Session, keys: Keys, name: str, message: Message) -> bytes:
     payload = message.SerializeToString(deterministic=True)
     for answer in session.get(keys.request(name), payload=payload, timeout=_ANSWER_LIMIT):
-        if answer.ok is None:
-            continue
-        reply = Reply.FromString(bytes(answer.ok.payload))
-        if not reply.accepted:
-            raise Refused(f"'{name}' was refused: {reply.reason}")
-        return
+        if answer.ok is not None:
+            return bytes(answer.ok.payload)
     raise NoAnswer(f"no service answered '{name}' within {_ANSWER_LIMIT:g} s: is the system running?")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
 import zenoh
@@ -16,6 +17,9 @@ from runtime.bus.config import BusConfig
 from runtime.bus.keys import Keys
 from runtime.bus.session import client
 from runtime.sample import Sample
+from runtime.topics import TOPICS
+
+_SILENCE = 3.0
 
 
 @dataclass
@@ -47,30 +51,118 @@ class Tally:
         return self.counts[topic] / self.seconds if self.seconds else 0.0
 
 
-def listen(bus: BusConfig, pattern: str, duration: float, show: Callable[[Sample], None] | None = None) -> Tally:
+def listen(
+    bus: BusConfig,
+    pattern: str,
+    duration: float,
+    show: Callable[[Sample], None] | None = None,
+    silent: Callable[[], None] | None = None,
+    latched: bool = False,
+) -> Tally:
     """Listen to the topics that match `pattern` for `duration` s, or until Ctrl-C if that is 0.
+
+    Args:
+        show: is given every message.
+        silent: is called if nothing has come after a while, or at the end.
+        latched: ask for the last value of latched topics first.
 
     Raises:
         NoBus: there is no meeting point.
     """
     keys, tally, lock = Keys(bus.robot), Tally(), threading.Lock()
 
-    def hear(sample: zenoh.Sample) -> None:
-        topic, payload = keys.name(str(sample.key_expr)), bytes(sample.payload)
+    def take(topic: str, payload: bytes, attachment: bytes | None) -> None:
         with lock:
             tally.add(topic, len(payload), time.monotonic())
-            if show is not None and sample.attachment is not None:
-                with suppress(envelope.BadEnvelope, DecodeError):  # no message of ours
-                    show(envelope.unpack(topic, payload, bytes(sample.attachment)))
+            if show is not None and attachment is not None:
+                with suppress(envelope.BadEnvelope, DecodeError, KeyError):  # no message of ours
+                    show(envelope.unpack(topic, payload, attachment))
+
+    def hear(sample: zenoh.Sample) -> None:
+        attachment = None if sample.attachment is None else bytes(sample.attachment)
+        take(keys.name(str(sample.key_expr)), bytes(sample.payload), attachment)
 
     with client(bus) as session:
+        for topic, payload, attachment in _last_values(session, keys, pattern) if latched else ():
+            take(topic, payload, attachment)
         begin = time.monotonic()
         subscriber = session.declare_subscriber(keys.topic(pattern), hear)
         try:
-            threading.Event().wait(duration or None)
+            patience = min(duration or _SILENCE, _SILENCE)
+            threading.Event().wait(patience)
+            if not tally.counts and silent is not None:
+                silent()
+            if duration != patience:
+                threading.Event().wait(duration - patience if duration else None)
         except KeyboardInterrupt:
             pass
         finally:
             subscriber.undeclare()
             tally.seconds = time.monotonic() - begin
     return tally
+
+
+def _last_values(session: zenoh.Session, keys: Keys, pattern: str) -> Iterator[tuple[str, bytes, bytes | None]]:
+    """Return the last value of every latched topic that matches `pattern`: (topic, payload, attachment)."""
+    wanted = zenoh.KeyExpr(keys.topic(pattern))
+    for topic, row in TOPICS.items():
+        if row.latched and wanted.includes(zenoh.KeyExpr(keys.topic(topic))):
+            for reply in session.get(keys.latched(topic), timeout=1.0):
+                if reply.ok is not None:
+                    attachment = reply.ok.attachment
+                    yield topic, bytes(reply.ok.payload), None if attachment is None else bytes(attachment)
+
+
+class Window:
+    """Everything that comes, kept until it is taken: never more than `limit` messages, the newest.
+
+    The callback only appends. Whoever takes may be as slow as he likes; no publisher ever waits for him.
+
+    Attributes:
+        dropped: messages given up because nobody took them in time.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self.dropped = 0
+        self._limit = limit
+        self._samples: deque[Sample] = deque()
+        self._lock = threading.Lock()
+
+    def put(self, sample: Sample) -> None:
+        """Take one message in, and give up the oldest if there are too many."""
+        with self._lock:
+            if len(self._samples) >= self._limit:
+                self._samples.popleft()
+                self.dropped += 1
+            self._samples.append(sample)
+
+    def take(self) -> list[Sample]:
+        """Return what has come since the last time."""
+        with self._lock:
+            found, self._samples = list(self._samples), deque()
+        return found
+
+
+@contextmanager
+def window(bus: BusConfig, limit: int) -> Iterator[Window]:
+    """Watch all topics of a running system, beginning with the last values of the latched ones.
+
+    Raises:
+        NoBus: there is no meeting point.
+    """
+    keys, found = Keys(bus.robot), Window(limit)
+
+    def hear(sample: zenoh.Sample) -> None:
+        attachment = None if sample.attachment is None else bytes(sample.attachment)
+        with suppress(envelope.BadEnvelope):
+            found.put(envelope.unpack(keys.name(str(sample.key_expr)), bytes(sample.payload), attachment))
+
+    with client(bus) as session:
+        for topic, payload, attachment in _last_values(session, keys, "**"):
+            with suppress(envelope.BadEnvelope):
+                found.put(envelope.unpack(topic, payload, attachment))
+        subscriber = session.declare_subscriber(keys.everything(), hear)
+        try:
+            yield found
+        finally:
+            subscriber.undeclare()

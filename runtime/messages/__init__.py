@@ -13,6 +13,8 @@ from runtime.messages.push_pb2 import (
     PushGoal,
     PushOutcome,
     PushPhase,
+    PushPlan,
+    PushResponse,
     PushStatus,
     PushTarget,
 )
@@ -53,6 +55,8 @@ __all__ = [
     "PushGoal",
     "PushOutcome",
     "PushPhase",
+    "PushPlan",
+    "PushResponse",
     "PushStatus",
     "PushTarget",
     "RangeArray",

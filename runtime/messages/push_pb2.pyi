@@ -116,7 +116,7 @@ class Corridor(_message.Message):
     def __init__(self, stamp: _Optional[int] = ..., version: _Optional[int] = ..., goal_id: _Optional[int] = ..., map_version: _Optional[int] = ..., path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., start: _Optional[int] = ..., clearance: _Optional[_Iterable[float]] = ..., width_push: _Optional[_Iterable[float]] = ..., width_object: _Optional[_Iterable[float]] = ..., edge_push: _Optional[_Iterable[_Union[_geometry_pb2.Polyline, _Mapping]]] = ..., edge_object: _Optional[_Iterable[_Union[_geometry_pb2.Polyline, _Mapping]]] = ..., robot_diameter: _Optional[float] = ..., object_diameter: _Optional[float] = ..., found: _Optional[bool] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class PushTarget(_message.Message):
-    __slots__ = ("stamp", "corridor_version", "target", "object", "push_position", "strategy", "fallback", "distance_to_go")
+    __slots__ = ("stamp", "corridor_version", "target", "object", "push_position", "strategy", "fallback", "distance_to_go", "plan")
     STAMP_FIELD_NUMBER: _ClassVar[int]
     CORRIDOR_VERSION_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
@@ -125,6 +125,7 @@ class PushTarget(_message.Message):
     STRATEGY_FIELD_NUMBER: _ClassVar[int]
     FALLBACK_FIELD_NUMBER: _ClassVar[int]
     DISTANCE_TO_GO_FIELD_NUMBER: _ClassVar[int]
+    PLAN_FIELD_NUMBER: _ClassVar[int]
     stamp: int
     corridor_version: int
     target: _geometry_pb2.Vector2
@@ -133,7 +134,54 @@ class PushTarget(_message.Message):
     strategy: str
     fallback: bool
     distance_to_go: float
-    def __init__(self, stamp: _Optional[int] = ..., corridor_version: _Optional[int] = ..., target: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., object: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., push_position: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., strategy: _Optional[str] = ..., fallback: _Optional[bool] = ..., distance_to_go: _Optional[float] = ...) -> None: ...
+    plan: PushPlan
+    def __init__(self, stamp: _Optional[int] = ..., corridor_version: _Optional[int] = ..., target: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., object: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., push_position: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., strategy: _Optional[str] = ..., fallback: _Optional[bool] = ..., distance_to_go: _Optional[float] = ..., plan: _Optional[_Union[PushPlan, _Mapping]] = ...) -> None: ...
+
+class PushPlan(_message.Message):
+    __slots__ = ("ahead", "bias", "speed", "side", "back", "cost", "object_path", "robot_path", "speed_full", "approach", "slowest", "margin")
+    AHEAD_FIELD_NUMBER: _ClassVar[int]
+    BIAS_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FIELD_NUMBER: _ClassVar[int]
+    SIDE_FIELD_NUMBER: _ClassVar[int]
+    BACK_FIELD_NUMBER: _ClassVar[int]
+    COST_FIELD_NUMBER: _ClassVar[int]
+    OBJECT_PATH_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_PATH_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FULL_FIELD_NUMBER: _ClassVar[int]
+    APPROACH_FIELD_NUMBER: _ClassVar[int]
+    SLOWEST_FIELD_NUMBER: _ClassVar[int]
+    MARGIN_FIELD_NUMBER: _ClassVar[int]
+    ahead: float
+    bias: float
+    speed: float
+    side: float
+    back: float
+    cost: float
+    object_path: _geometry_pb2.Polyline
+    robot_path: _geometry_pb2.Polyline
+    speed_full: float
+    approach: float
+    slowest: float
+    margin: float
+    def __init__(self, ahead: _Optional[float] = ..., bias: _Optional[float] = ..., speed: _Optional[float] = ..., side: _Optional[float] = ..., back: _Optional[float] = ..., cost: _Optional[float] = ..., object_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., robot_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., speed_full: _Optional[float] = ..., approach: _Optional[float] = ..., slowest: _Optional[float] = ..., margin: _Optional[float] = ...) -> None: ...
+
+class PushResponse(_message.Message):
+    __slots__ = ("stamp", "contour", "response", "touches", "windows", "error", "prior_error")
+    STAMP_FIELD_NUMBER: _ClassVar[int]
+    CONTOUR_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_FIELD_NUMBER: _ClassVar[int]
+    TOUCHES_FIELD_NUMBER: _ClassVar[int]
+    WINDOWS_FIELD_NUMBER: _ClassVar[int]
+    ERROR_FIELD_NUMBER: _ClassVar[int]
+    PRIOR_ERROR_FIELD_NUMBER: _ClassVar[int]
+    stamp: int
+    contour: _containers.RepeatedScalarFieldContainer[float]
+    response: _containers.RepeatedScalarFieldContainer[float]
+    touches: int
+    windows: int
+    error: float
+    prior_error: float
+    def __init__(self, stamp: _Optional[int] = ..., contour: _Optional[_Iterable[float]] = ..., response: _Optional[_Iterable[float]] = ..., touches: _Optional[int] = ..., windows: _Optional[int] = ..., error: _Optional[float] = ..., prior_error: _Optional[float] = ...) -> None: ...
 
 class PushBehaviour(_message.Message):
     __slots__ = ("stamp", "alpha", "gamma", "mean_gamma", "mu", "kappa", "alpha_p", "sample_count", "reading_count", "moving")

@@ -13,6 +13,8 @@ import msgspec
 
 METADATA_NAME = "pushlane"
 CONFIG_NAME = "config.json"
+END_NAME = "end"
+"""Metadata that a live recorder writes last: the services that went on without it, and their last journal entries."""
 FORMAT = 1
 
 # Their numbers end up in payloads: another version of one may give other last digits.

@@ -93,6 +93,19 @@ class Recorder:
                 raise self._cannot(error) from error
             self.count += 1
 
+    def note(self, name: str, pairs: dict[str, str]) -> None:
+        """Write facts about the recording itself, as the metadata record `name`.
+
+        Raises:
+            CannotRecord: the disk is full, or the like.
+        """
+        with self._lock:
+            try:
+                self._writer.add_metadata(name, pairs)
+            except OSError as error:
+                self._failure = error
+                raise self._cannot(error) from error
+
     def close(self) -> None:
         """Write what is left, the index and the end of the file.
 

@@ -66,7 +66,7 @@ def test_without_a_debian_source_nothing_is_added(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("have", "expected"),
     [
-        ("", "mesa-vulkan-drivers libvulkan1 libudev1"),
+        ("", "mesa-vulkan-drivers libvulkan1 libudev1 openssl systemd"),
         ("22.3.6-1+deb12u1", "mesa-vulkan-drivers"),
         ("25.0.7-2~bpo12+1", ""),
     ],
