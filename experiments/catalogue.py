@@ -10,12 +10,14 @@ _STRATEGY_TITLES = {
     "relaxed": "long push-lines that the larger of robot and object fits beside, (4)-(6)",
     "fixed-lookahead": "a point of the path 0.1 m ahead",
     "switching": "strict where the corridor is wide, relaxed where it is narrow (Sec. 7.1)",
+    "predictive": "plans pushes in a learned model of the object; not in the paper (docs/predictive.md)",
 }
 _CONTROLLER_TITLES = {
     "adaptive": "blends pushing and relocating, learns the object on the fly, (7)-(13)",
     "non-adaptive": "the same with the prior held",
     "centroid": "aligns with the object's centre (Hermans et al. 2013)",
     "dipole": "follows a dipole field (Igarashi et al. 2010)",
+    "predictive": "follows the predictive strategy's plan; not in the paper (docs/predictive.md)",
 }
 
 

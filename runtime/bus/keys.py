@@ -57,10 +57,6 @@ class Keys:
         """Return the key at which a node is asked for a snapshot."""
         return f"{self.root}/@snapshot/{name}"
 
-    def beat(self, name: str) -> str:
-        """Return the key of a node's heartbeats."""
-        return f"{self.root}/@beat/{name}"
-
     def session(self) -> str:
         """Return the key at which the launcher tells header and configuration of the session."""
         return f"{self.root}/@session"

@@ -22,6 +22,17 @@ from runtime.errors import PushlaneError
 
 _CLOSE_LIMIT = 1.0
 _KEEP_ALIVE = 4
+_QUEUE = 16
+_PRIORITIES = (
+    "control",
+    "real_time",
+    "interactive_high",
+    "interactive_low",
+    "data_high",
+    "data",
+    "data_low",
+    "background",
+)
 
 
 class NoBus(PushlaneError):
@@ -120,6 +131,8 @@ def _common(config: BusConfig) -> dict[str, object]:
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": round(1000 * config.lease),
         "transport/link/tx/keep_alive": _KEEP_ALIVE,
+        # Nobody waits for a slow link; the more room there is, the less is lost to a machine that is busy for a moment.
+        "transport/link/tx/queue/size": dict.fromkeys(_PRIORITIES, _QUEUE),
     }
     if config.tls is not None:
         tls = config.tls

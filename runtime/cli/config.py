@@ -39,7 +39,10 @@ def show(
 
     The output is TOML that --config reads again.
     """
-    session = import_module("experiments.session").prepare(layers(config, assignments))
+    given = layers(config, assignments)
+    for layer in given:
+        layer.values.pop("hosts", None)  # who runs what is no setting of a service
+    session = import_module("experiments.session").prepare(given)
     rows = [
         (key, value, origin)
         for key, value, origin in session.effective.rows()

@@ -15,7 +15,14 @@ import typer
 
 from runtime.errors import PushlaneError
 
-VERB_MODULES = ("experiments.cli", "replays.cli", "runtime.cli.live", "runtime.cli.topics", "runtime.cli.config")
+VERB_MODULES = (
+    "experiments.cli",
+    "replays.cli",
+    "runtime.cli.live",
+    "runtime.cli.topics",
+    "runtime.cli.config",
+    "runtime.cli.router",
+)
 
 app = typer.Typer(
     name="pushlane",

@@ -1,4 +1,4 @@
-"""`python -m runtime.cli.router SYSTEM.toml`: the hub's settings for a Zenoh router that is not ours.
+"""`pushlane router SYSTEM.toml`: the hub's settings for a Zenoh router that is not ours.
 
 The output is JSON, which is JSON5: `zenohd --config FILE` reads it. `pushlane run --join` then meets there.
 """
@@ -6,7 +6,6 @@ The output is JSON, which is JSON5: `zenohd --config FILE` reads it. `pushlane r
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +13,11 @@ import typer
 
 from runtime.bus.session import hub_settings
 from runtime.cli.options import Assignments, bus_of
-from runtime.errors import PushlaneError
+
+
+def register(root: typer.Typer) -> None:
+    """Add the verb of this module to `root`."""
+    root.command(name="router")(router)
 
 
 def router(
@@ -32,11 +35,3 @@ def router(
             inner = found
         inner[name] = value
     typer.echo(json.dumps(tree, indent=2))
-
-
-if __name__ == "__main__":
-    try:
-        typer.run(router)
-    except PushlaneError as error:
-        typer.secho(f"pushlane: {error}", err=True)
-        sys.exit(error.exit_code)

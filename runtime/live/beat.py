@@ -14,11 +14,19 @@ from contextlib import suppress
 _STANDARD_INPUT = 0
 
 
-def beat() -> None:
-    """Give a sign of life. Without a launcher, whose socket is the standard input, this does nothing."""
-    with suppress(OSError):  # it is gone, or does not look: not the concern of a service
+def beat() -> bool:
+    """Give a sign of life. Returns False if the launcher is gone, and nobody will end or restart this process.
+
+    Without a launcher, whose socket is the standard input, this does nothing.
+    """
+    try:
         if stat.S_ISSOCK(os.fstat(_STANDARD_INPUT).st_mode):
             os.write(_STANDARD_INPUT, b".")
+    except ConnectionError:
+        return False
+    except OSError:  # it does not look: not the concern of a service
+        return True
+    return True
 
 
 class Pulse:

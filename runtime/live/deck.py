@@ -84,8 +84,7 @@ class Deck:
         token = self._session.liveliness().declare_token(self._keys.node(RECORDER))
         try:
             self._take_over(file)
-            while not stop.is_set():
-                beat()
+            while not stop.is_set() and beat():
                 self._look()
                 try:
                     asked = self._asked.get(timeout=_LOOK_EVERY)

@@ -266,7 +266,9 @@ class LiveHost:
         return sample.payload
 
     def _beat(self, _: Time) -> None:
-        beat()
+        if not beat():
+            print(f"{self._node.name}: the launcher is gone", file=sys.stderr, flush=True)
+            self.stop()
 
     def _report(self, now: Time) -> None:
         busy, self._busy = self._busy, Busy()

@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -174,8 +175,7 @@ class Launcher:
         for reply in session.get(self._keys.session(), timeout=_ANSWER_LIMIT):
             if reply.ok is not None:
                 theirs = msgspec.json.decode(bytes(reply.ok.payload), type=Plan)
-                # Ours as it would have come, too: JSON has no tuples.
-                differences = msgspec.json.decode(self._plan.encoded(), type=Plan).differences(theirs)
+                differences = self._plan.differences(theirs)
                 if differences:
                     raise PlanDiffers(
                         f"the system at {', '.join(self._bus.connect)} has another {', '.join(differences[:5])}: "
@@ -247,7 +247,8 @@ class Launcher:
         for name in ("controller",):
             if name in running:
                 running[name].send_signal(signal.SIGTERM)
-                time.sleep(_STOP_ORDER_PAUSE)
+                with suppress(subprocess.TimeoutExpired):
+                    running[name].wait(_STOP_ORDER_PAUSE)
         for group in ([n for n in running if n != RECORDER], [n for n in running if n == RECORDER]):
             for name in group:
                 running[name].send_signal(signal.SIGTERM)
@@ -258,6 +259,9 @@ class Launcher:
                 except subprocess.TimeoutExpired:
                     running[name].kill()
                     running[name].wait()
+        for child in self._children.values():
+            if child.pulse is not None:
+                child.pulse.close()
 
     def _keep(self, sample: zenoh.Sample) -> None:
         name = self._keys.name(str(sample.key_expr)).removeprefix(topics.snapshot("").name)

@@ -62,7 +62,9 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
 
 def _flat(plan: Plan) -> dict[str, Any]:
     found: dict[str, Any] = {"robot": plan.robot, "seed": plan.seed, "nodes": plan.nodes}
-    for section, values in plan.sections.items():
+    # As it comes over the bus: JSON has no tuples.
+    sections = msgspec.json.decode(msgspec.json.encode(plan.sections), type=dict[str, dict[str, Any]])
+    for section, values in sections.items():
         if section != "bus":
             found |= {f"{section}.{key}": value for key, value in values.items()}
     return found

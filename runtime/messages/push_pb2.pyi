@@ -138,7 +138,7 @@ class PushTarget(_message.Message):
     def __init__(self, stamp: _Optional[int] = ..., corridor_version: _Optional[int] = ..., target: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., object: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., push_position: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., strategy: _Optional[str] = ..., fallback: _Optional[bool] = ..., distance_to_go: _Optional[float] = ..., plan: _Optional[_Union[PushPlan, _Mapping]] = ...) -> None: ...
 
 class PushPlan(_message.Message):
-    __slots__ = ("ahead", "bias", "speed", "side", "back", "cost", "object_path", "robot_path", "speed_full", "approach", "slowest", "margin")
+    __slots__ = ("ahead", "bias", "speed", "side", "back", "cost", "object_path", "robot_path", "speed_full", "approach", "slowest", "margin", "body", "stand", "lean")
     AHEAD_FIELD_NUMBER: _ClassVar[int]
     BIAS_FIELD_NUMBER: _ClassVar[int]
     SPEED_FIELD_NUMBER: _ClassVar[int]
@@ -151,6 +151,9 @@ class PushPlan(_message.Message):
     APPROACH_FIELD_NUMBER: _ClassVar[int]
     SLOWEST_FIELD_NUMBER: _ClassVar[int]
     MARGIN_FIELD_NUMBER: _ClassVar[int]
+    BODY_FIELD_NUMBER: _ClassVar[int]
+    STAND_FIELD_NUMBER: _ClassVar[int]
+    LEAN_FIELD_NUMBER: _ClassVar[int]
     ahead: float
     bias: float
     speed: float
@@ -163,7 +166,10 @@ class PushPlan(_message.Message):
     approach: float
     slowest: float
     margin: float
-    def __init__(self, ahead: _Optional[float] = ..., bias: _Optional[float] = ..., speed: _Optional[float] = ..., side: _Optional[float] = ..., back: _Optional[float] = ..., cost: _Optional[float] = ..., object_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., robot_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., speed_full: _Optional[float] = ..., approach: _Optional[float] = ..., slowest: _Optional[float] = ..., margin: _Optional[float] = ...) -> None: ...
+    body: float
+    stand: float
+    lean: float
+    def __init__(self, ahead: _Optional[float] = ..., bias: _Optional[float] = ..., speed: _Optional[float] = ..., side: _Optional[float] = ..., back: _Optional[float] = ..., cost: _Optional[float] = ..., object_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., robot_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., speed_full: _Optional[float] = ..., approach: _Optional[float] = ..., slowest: _Optional[float] = ..., margin: _Optional[float] = ..., body: _Optional[float] = ..., stand: _Optional[float] = ..., lean: _Optional[float] = ...) -> None: ...
 
 class PushResponse(_message.Message):
     __slots__ = ("stamp", "contour", "response", "touches", "windows", "error", "prior_error")

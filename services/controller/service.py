@@ -13,7 +13,7 @@ from runtime.messages import Corridor, ObjectState, PushBehaviour, RobotPose, Tw
 from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
 from runtime.time import Time, nanoseconds
 from runtime.topics import Delivery
-from services.controller import barrier, centroid, dipole, push_law
+from services.controller import barrier, centroid, dipole, predictive, push_law
 from services.controller.activation import activations
 from services.controller.config import ControllerConfig
 from services.controller.heading import HeadingState, turn
@@ -21,6 +21,8 @@ from services.controller.push_law import Behaviour, Gains
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry, vector
 from services.learner.movement import alpha
+from services.predictive.estimate import Track
+from services.predictive.situation import Lane, base_of, known
 
 Array = NDArray[np.float64]
 
@@ -40,6 +42,8 @@ class ControllerState:
     """What the service goes on from."""
 
     heading: HeadingState = field(default_factory=HeadingState)
+    track: Track = field(default_factory=Track)
+    walking: float = 0.0
 
 
 class ControllerService(Service):
@@ -56,6 +60,7 @@ class ControllerService(Service):
     corridor = Input(topics.CORRIDOR)
     target = Input(topics.PUSH_TARGET)
     behaviour = Input(topics.PUSH_BEHAVIOUR)
+    response = Input(topics.PUSH_RESPONSE)
     command = Output(topics.COMMAND)
     tick = Timer(lambda config: 1 / config.rate)
 
@@ -66,15 +71,31 @@ class ControllerService(Service):
         super().__init__(config)
         self.state = ControllerState()
         self._geometry: CorridorGeometry | None = None
+        self._lane: Lane | None = None
 
     def thaw(self) -> None:
         """Rebuild the geometry of the newest corridor."""
-        self._geometry = None if self.corridor is None else geometry(self.corridor)
+        self._take(self.corridor)
 
     @on(corridor)
     def prepare(self, corridor: Corridor, now: Time) -> None:
         """Make a new corridor ready for look-up."""
-        self._geometry = geometry(corridor)
+        self._take(corridor)
+
+    @on(robot)
+    def localised(self, robot: RobotPose, now: Time) -> None:
+        """Follow the robot."""
+        self.state.track.robot_seen(robot.stamp, robot.pose.x, robot.pose.y, robot.pose.theta)
+
+    @on(object)
+    def seen(self, object: ObjectState, now: Time) -> None:
+        """Follow the object."""
+        if self.status is None or self.corridor is None or object.visibility == Visibility.LOST:
+            return
+        contour, response = known(self.response, self.corridor.robot_diameter, object.diameter)
+        yaw = object.yaw if object.HasField("yaw") else None
+        o = object.position
+        self.state.track.object_seen(object.stamp, o.x, o.y, yaw, base_of(self.status), contour, response)
 
     @on(tick)
     def control(self, now: Time) -> Effects:
@@ -87,7 +108,10 @@ class ControllerService(Service):
             yield self._command(Wish(np.zeros(2)), 0.0, 0.0, now)
             return
         r, o = np.array((robot.pose.x, robot.pose.y)), vector(object.position)
-        wish = self._filtered(self._wish(self.goal.controller, r, o), r)
+        if self.goal.controller == "predictive":
+            wish = self._planned(now)
+        else:
+            wish = self._filtered(self._wish(self.goal.controller, r, o), r)
         config = self.config
         omega, cut = turn(
             self.state.heading,
@@ -136,6 +160,25 @@ class ControllerService(Service):
         gains = Gains(config.k_gamma, config.k_mu_gamma, speed)
         return Wish(push_law.command(r, o, angle, known, gains), known.psi_push, known.psi_relocate)
 
+    def _planned(self, now: Time) -> Wish:
+        """Follow the plan, from where robot and object will be when the command takes effect."""
+        assert self.target is not None
+        assert self.corridor is not None
+        state = self.state
+        if self.status is None or self._geometry is None or self._lane is None or not self.target.HasField("plan"):
+            return Wish(np.zeros(2))
+        base = base_of(self.status)
+        contour, response = known(self.response, self.corridor.robot_diameter, self.corridor.object_diameter)
+        there = state.track.at(now, base, contour, response)
+        u, state.walking = predictive.command(
+            there, self.target.plan, state.walking, self._geometry, self._lane, base, contour
+        )
+        return Wish(u, 1.0 - state.walking, state.walking)
+
+    def _take(self, corridor: Corridor | None) -> None:
+        self._geometry = None if corridor is None else geometry(corridor)
+        self._lane = None if self._geometry is None else Lane.of(self._geometry)
+
     def _speed(self, o: Array) -> float:
         """Return V, less near the goal.
 
@@ -174,6 +217,7 @@ class ControllerService(Service):
             scale = limit / speed
         c, s = math.cos(theta), math.sin(theta)
         vx, vy = scale * wish.u[0], scale * wish.u[1]
+        self.state.track.commanded(now, c * vx + s * vy, -s * vx + c * vy, theta)
         return self.command(
             VelocityCommand(
                 stamp=now,

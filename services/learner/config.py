@@ -20,6 +20,7 @@ class LearnerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
         Literal["decreasing", "small"],
         Meta(description="alphas that count as good: |gamma| decreased (the paper), or |gamma| below small_gamma"),
     ] = "decreasing"
+    seed: Annotated[int, Meta(ge=0, lt=2**53, description="of the search for the response")] = 1
     small_gamma: Annotated[float, Meta(gt=0, le=3.15, description="rad, for accept = small")] = 0.3
 
     def __post_init__(self) -> None:

@@ -7,14 +7,30 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from runtime import topics
-from runtime.messages import PushBehaviour, PushGoal, PushTarget
+from runtime.messages import (
+    ObjectState,
+    PushBehaviour,
+    PushGoal,
+    PushResponse,
+    PushTarget,
+    RobotPose,
+    VelocityCommand,
+    Visibility,
+)
 from runtime.service import Effects, Input, Output, Service, on
 from runtime.time import Time, seconds
+from runtime.topics import Delivery
 from services.geometry.angles import direction
 from services.geometry.wire import vector
 from services.learner.config import LearnerConfig
 from services.learner.movement import Accept, MovementState, alpha, observe
 from services.learner.von_mises import Posterior, estimate, prior, update
+from services.predictive.estimate import Track
+from services.predictive.experience import Experience
+from services.predictive.model import YAW
+from services.predictive.situation import base_of
+
+_SAME_TIME = 20_000_000
 
 
 @dataclass
@@ -25,6 +41,8 @@ class LearnerState:
     movement: MovementState = field(default_factory=MovementState)
     goal_id: int = 0
     samples: int = 0
+    experience: Experience | None = None
+    track: Track = field(default_factory=Track)
 
 
 class LearnerService(Service):
@@ -35,8 +53,12 @@ class LearnerService(Service):
 
     goal = Input(topics.PUSH_GOAL)
     robot = Input(topics.ROBOT_POSE)
+    object = Input(topics.OBJECT_STATE)
+    command = Input(topics.COMMAND, Delivery.RELIABLE)
+    status = Input(topics.STATUS)
     target = Input(topics.PUSH_TARGET)
     behaviour = Output(topics.PUSH_BEHAVIOUR)
+    response = Output(topics.PUSH_RESPONSE)
 
     config: LearnerConfig
     state: LearnerState
@@ -50,6 +72,49 @@ class LearnerService(Service):
         """Begin every push with the prior: the object may be another one."""
         if goal.active and goal.id != self.state.goal_id:
             self.state = self._untaught(goal.id)
+
+    @on(robot)
+    def localised(self, robot: RobotPose, now: Time) -> None:
+        """Follow the robot."""
+        self.state.track.robot_seen(robot.stamp, robot.pose.x, robot.pose.y, robot.pose.theta)
+
+    @on(command)
+    def sent(self, command: VelocityCommand, now: Time) -> None:
+        """Follow what the robot was sent."""
+        if self.robot is not None:
+            twist = command.twist
+            self.state.track.commanded(command.stamp, twist.vx, twist.vy, self.robot.pose.theta)
+
+    @on(object)
+    def answer(self, object: ObjectState, now: Time) -> Effects:
+        """Learn how the object answers pushes, if the goal's method asks for it."""
+        goal, status, state = self.goal, self.status, self.state
+        if goal is None or status is None or not goal.active or object.visibility == Visibility.LOST:
+            return
+        if "predictive" not in (goal.strategy, goal.controller) or not state.track.robots:
+            return
+        base = base_of(status)
+        if state.experience is None:
+            state.experience = Experience.of(status.diameter, object.diameter, self.config.seed)
+        known, track = state.experience, state.track
+        o = object.position
+        yaw = object.yaw if object.HasField("yaw") else None
+        track.object_seen(object.stamp, o.x, o.y, yaw, base, known.contour, known.response)
+        robot = min(track.robots, key=lambda one: abs(one[0] - object.stamp))
+        if abs(robot[0] - object.stamp) < _SAME_TIME:
+            turned = float(track.state[YAW]) if yaw is None else yaw
+            known.observe(object.stamp, (robot[1], robot[2]), (o.x, o.y), turned, base)
+        yield self.response(
+            PushResponse(
+                stamp=object.stamp,
+                contour=known.contour.tolist(),
+                response=known.response.tolist(),
+                touches=known.touches,
+                windows=known.seen,
+                error=known.error,
+                prior_error=known.prior_error,
+            )
+        )
 
     @on(target)
     def learn(self, target: PushTarget, now: Time) -> Effects:

@@ -6,6 +6,19 @@ import msgspec
 from msgspec import Meta
 
 
+class PredictiveConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Settings of the predictive strategy, and of the controller that follows it."""
+
+    speed: Annotated[float, Meta(gt=0, le=2, description="V, m/s")] = 0.3
+    approach: Annotated[float, Meta(gt=0, le=10, description="m/s^2, slow down towards the goal as if braking so")] = (
+        0.15
+    )
+    slowest: Annotated[float, Meta(gt=0, le=2, description="m/s, least speed of the approach")] = 0.06
+    margin: Annotated[float, Meta(ge=0, le=1, description="m the robot keeps from the corridor's edge")] = 0.02
+    horizon: Annotated[float, Meta(ge=0.5, le=20, description="s to look ahead")] = 4.0
+    lead: Annotated[float, Meta(ge=0, le=1, description="s from a plan to when it moves the base")] = 0.05
+
+
 class StrategyConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Settings of the strategy service (Sec. 4)."""
 
@@ -24,3 +37,4 @@ class StrategyConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
             description="least corridor width over d_r + d_o below which switching is relaxed (Sec. 7.1)",
         ),
     ] = 1.0
+    predictive: PredictiveConfig = PredictiveConfig()

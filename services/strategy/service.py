@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime import topics
-from runtime.messages import Corridor, ObjectState, PushTarget, Vector2, Visibility
+from runtime.messages import (
+    Corridor,
+    ObjectState,
+    PushGoal,
+    PushTarget,
+    RobotPose,
+    Vector2,
+    VelocityCommand,
+    Visibility,
+)
 from runtime.service import Effects, Input, Output, Service, on
-from runtime.time import Time
+from runtime.time import Time, nanoseconds
+from runtime.topics import Delivery
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry, vector
-from services.strategy import lookahead, relaxed, strict, switching
+from services.predictive.situation import Lane, base_of, known
+from services.strategy import lookahead, predictive, relaxed, strict, switching
 from services.strategy.config import StrategyConfig
-from services.strategy.target import Target
+from services.strategy.predictive import PlannerState
+from services.strategy.target import Target, push_position
 
 
 class UnknownStrategy(ValueError):
@@ -24,7 +36,10 @@ class UnknownStrategy(ValueError):
 
 @dataclass
 class StrategyState:
-    """What the service goes on from: all it knows are its inputs."""
+    """What the service goes on from. Only the predictive strategy knows more than its inputs."""
+
+    planner: PlannerState = field(default_factory=PlannerState)
+    goal_id: int = 0
 
 
 class StrategyService(Service):
@@ -36,6 +51,10 @@ class StrategyService(Service):
     goal = Input(topics.PUSH_GOAL)
     corridor = Input(topics.CORRIDOR)
     object = Input(topics.OBJECT_STATE)
+    robot = Input(topics.ROBOT_POSE)
+    status = Input(topics.STATUS)
+    command = Input(topics.COMMAND, Delivery.RELIABLE)
+    response = Input(topics.PUSH_RESPONSE)
     target = Output(topics.PUSH_TARGET)
 
     config: StrategyConfig
@@ -45,15 +64,29 @@ class StrategyService(Service):
         super().__init__(config)
         self.state = StrategyState()
         self._geometry: CorridorGeometry | None = None
+        self._lane: Lane | None = None
 
     def thaw(self) -> None:
         """Rebuild the geometry of the newest corridor."""
-        self._geometry = None if self.corridor is None else geometry(self.corridor)
+        self._take(self.corridor)
 
     @on(corridor)
     def prepare(self, corridor: Corridor, now: Time) -> None:
         """Make a new corridor ready for look-up."""
-        self._geometry = geometry(corridor)
+        self._take(corridor)
+
+    @on(robot)
+    def localised(self, robot: RobotPose, now: Time) -> None:
+        """Follow the robot."""
+        self.state.planner.track.robot_seen(robot.stamp, robot.pose.x, robot.pose.y, robot.pose.theta)
+
+    @on(command)
+    def sent(self, command: VelocityCommand, now: Time) -> None:
+        """Follow what the robot was sent."""
+        planner = self.state.planner
+        if self.robot is not None:
+            planner.track.commanded(command.stamp, command.twist.vx, command.twist.vy, self.robot.pose.theta)
+        planner.walking = float(command.psi_relocate > 0.5)
 
     @on(object)
     def choose(self, object: ObjectState, now: Time) -> Effects:
@@ -64,6 +97,9 @@ class StrategyService(Service):
         if not goal.active or corridor.goal_id != goal.id:
             return
         o = vector(object.position)
+        if goal.strategy == "predictive":
+            yield from self._plan(goal, corridor, object, now)
+            return
         name, target = self._choose(goal.strategy, self._geometry, o, corridor.robot_diameter, object.diameter)
         yield self.target(
             PushTarget(
@@ -77,6 +113,40 @@ class StrategyService(Service):
                 distance_to_go=target.distance_to_go,
             )
         )
+
+    def _plan(self, goal: PushGoal, corridor: Corridor, object: ObjectState, now: Time) -> Effects:
+        if self.status is None or self._geometry is None or self._lane is None or self.robot is None:
+            return
+        state, planner = self.state, self.state.planner
+        if state.goal_id != goal.id:
+            state.goal_id, planner.favourite = goal.id, -1
+        base = base_of(self.status)
+        contour, response = known(self.response, corridor.robot_diameter, object.diameter)
+        o = vector(object.position)
+        yaw = object.yaw if object.HasField("yaw") else None
+        planner.track.object_seen(object.stamp, o[0], o[1], yaw, base, contour, response)
+        config = self.config.predictive
+        then = now + nanoseconds(config.lead)
+        t, plan = predictive.choose(
+            planner, config, self._geometry, self._lane, base, contour, response, goal.precision, then
+        )
+        p = push_position(o, t, corridor.robot_diameter, object.diameter, t - o)
+        yield self.target(
+            PushTarget(
+                stamp=object.stamp,
+                corridor_version=corridor.version,
+                target=Vector2(x=t[0], y=t[1]),
+                object=object.position,
+                push_position=Vector2(x=p[0], y=p[1]),
+                strategy="predictive",
+                distance_to_go=self._geometry.distance_to_go(o),
+                plan=plan,
+            )
+        )
+
+    def _take(self, corridor: Corridor | None) -> None:
+        self._geometry = None if corridor is None else geometry(corridor)
+        self._lane = None if self._geometry is None else Lane.of(self._geometry)
 
     def _choose(
         self, name: str, corridor: CorridorGeometry, o: NDArray[np.float64], d_r: float, d_o: float

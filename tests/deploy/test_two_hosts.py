@@ -165,7 +165,7 @@ def test_it_moves_for_its_operator_and_for_nobody_else(
     with place(tmp_path) as system:
         robot_file = tmp_path / "robot" / "robot-and-laptop.toml"
         if hub == "router":
-            command = [sys.executable, "-m", "runtime.cli.router", robot_file, *system.sets()]
+            command = [sys.executable, "-m", "runtime.cli.main", "router", robot_file, *system.sets()]
             settings = subprocess.run(command, capture_output=True, text=True, check=True).stdout
             (tmp_path / "router.json5").write_text(settings)
             router = subprocess.Popen([sys.executable, "-c", ROUTER, tmp_path / "router.json5"], stdout=subprocess.PIPE)

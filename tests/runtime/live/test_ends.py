@@ -151,3 +151,16 @@ def test_a_stuck_or_slow_listener_slows_nobody(capsys: pytest.CaptureFixture[str
     assert set(after) == set(before)  # nobody was restarted
     assert len(heard) > 0.95 * 20 * 12
     assert grown < 30_000
+
+
+def test_services_of_a_launcher_that_was_killed_end_themselves(capsys: pytest.CaptureFixture[str]) -> None:
+    with pushing("orphaned") as system:
+        children = set(system.memory()) - {system.process.pid}
+        assert len(children) >= 7
+        system.process.kill()
+        began = time.monotonic()
+        while any(Path(f"/proc/{pid}").exists() for pid in children):
+            assert time.monotonic() - began < 15.0, "services go on without their launcher"
+            time.sleep(0.05)
+    with capsys.disabled():
+        print(f"\nlauncher killed: all services ended after {time.monotonic() - began:.1f} s")

@@ -1,0 +1,51 @@
+"""The predictive controller: follows the plan of the predictive strategy with the law that the plan was made with."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.messages import PushPlan
+from services.geometry.corridor import CorridorGeometry
+from services.predictive import plan as planning
+from services.predictive.law import MANOEUVRE, inside, wish
+from services.predictive.model import ACCELERATION, RX, RY, X, Y
+from services.predictive.situation import SPACING, Lane
+
+Array = NDArray[np.float64]
+
+
+def command(
+    state: Array, plan: PushPlan, walking: float, corridor: CorridorGeometry, lane: Lane, base: Array, contour: Array
+) -> tuple[Array, float]:
+    """Return the velocity to send, (2,), m/s, map frame, and whether the robot walks around the object (1.0).
+
+    Args:
+        state: where robot and object will be when the command takes effect.
+        walking: what was returned last.
+    """
+    settings = np.zeros(planning.SETTINGS)
+    settings[planning.SPEED_FULL], settings[planning.APPROACH] = plan.speed_full, plan.approach
+    settings[planning.SLOWEST] = plan.slowest
+    row = np.zeros(planning.CANDIDATE)
+    row[[planning.AHEAD, planning.BIAS_OF, planning.SPEED_OF]] = plan.ahead, plan.bias, plan.speed
+    row[planning.SIDE_OF] = plan.side
+    row[[planning.BODY_OF, planning.STAND_OF, planning.LEAN_OF]] = plan.body, plan.stand, plan.lean
+    index = int(np.argmin(np.hypot(lane.path[:, 0] - state[X], lane.path[:, 1] - state[Y])))
+    manoeuvre = np.empty(MANOEUVRE)
+    planning.manoeuvre_of(lane.path, SPACING, index, state, row, settings, manoeuvre)
+    ux, uy, walking = wish(state, contour, manoeuvre, walking)
+    if plan.back > 0.0:
+        dx, dy = state[RX] - state[X], state[RY] - state[Y]
+        distance = math.hypot(dx, dy) + 1e-9
+        speed = plan.speed_full * plan.speed
+        ux, uy = speed * dx / distance, speed * dy / distance
+    grid = corridor.field
+    kept = min(plan.margin, 0.3 * max(float(lane.width[index]), 0.0))
+    u = inside(
+        grid.values, float(grid.origin[0]), float(grid.origin[1]), grid.resolution,
+        state[RX], state[RY], ux, uy, 0.8 * base[ACCELERATION], kept,
+    )  # fmt: skip
+    return np.array(u), walking

@@ -1,0 +1,1 @@
+"""How an object answers pushes, and what to do about it: model, law, rollouts (docs/predictive.md)."""

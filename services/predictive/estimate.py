@@ -1,0 +1,124 @@
+"""Where robot and object are now, from observations that are 50 to 100 ms old.
+
+The forward model carries the state from stamp to stamp with the commands that were sent, and on to the present; each
+observation corrects it by constant gains. All in m, s, rad, map frame; times in ns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.predictive.law import wrapped
+from services.predictive.model import (
+    OMEGA,
+    RAMP_X,
+    RAMP_Y,
+    RVX,
+    RVY,
+    RX,
+    RY,
+    STATE,
+    VX,
+    VY,
+    YAW,
+    X,
+    Y,
+    step,
+)
+
+Array = NDArray[np.float64]
+
+_STEP = 0.025
+_LONGEST_GAP = 1_000_000_000
+_REMEMBERED = 24
+_POSITION, _VELOCITY, _YAW, _SPIN, _ROBOT = 0.45, 1.6, 0.4, 1.0, 0.5
+
+
+@dataclass
+class Sent:
+    """A velocity that was sent, map frame."""
+
+    time: int
+    ux: float
+    uy: float
+
+
+@dataclass
+class Track:
+    """What is known of robot and object.
+
+    Attributes:
+        time: ns, of `state`; 0 before the first observation.
+        state: (STATE,), see `model`.
+        sent: the newest commands, oldest first.
+        robots: the newest positions of the robot by their stamps, ns: (stamp, x, y, theta).
+    """
+
+    time: int = 0
+    state: Array = field(default_factory=lambda: np.zeros(STATE))
+    sent: list[Sent] = field(default_factory=list)
+    robots: list[tuple[int, float, float, float]] = field(default_factory=list)
+
+    def commanded(self, time: int, vx: float, vy: float, theta: float) -> None:
+        """Take a command that was sent at `time`, base frame, with the robot heading `theta`."""
+        c, s = math.cos(theta), math.sin(theta)
+        self.sent = [*self.sent[-_REMEMBERED + 1 :], Sent(time, float(c * vx - s * vy), float(s * vx + c * vy))]
+
+    def robot_seen(self, stamp: int, x: float, y: float, theta: float) -> None:
+        """Take a position of the robot."""
+        self.robots = [*self.robots[-_REMEMBERED + 1 :], (stamp, x, y, theta)]
+
+    def object_seen(
+        self, stamp: int, x: float, y: float, yaw: float | None, base: Array, contour: Array, response: Array
+    ) -> None:
+        """Take a position of the object, and the robot's of that time."""
+        robot = min(self.robots, key=lambda one: abs(one[0] - stamp), default=None)
+        if robot is None or stamp <= self.time:
+            return
+        if self.time == 0 or stamp - self.time > _LONGEST_GAP:
+            self.state = np.zeros(STATE)
+            self.state[[X, Y, YAW, RX, RY]] = x, y, yaw or 0.0, robot[1], robot[2]
+            self.time = stamp
+            return
+        state = self._carried(stamp, base, contour, response)
+        dx, dy = x - state[X], y - state[Y]
+        state[X] += _POSITION * dx
+        state[Y] += _POSITION * dy
+        state[VX] += _VELOCITY * dx
+        state[VY] += _VELOCITY * dy
+        if yaw is not None:
+            turn = wrapped(yaw - state[YAW])
+            state[YAW] += _YAW * turn
+            state[OMEGA] += _SPIN * turn
+        if abs(robot[0] - stamp) < 20_000_000:
+            state[RX] += _ROBOT * (robot[1] - state[RX])
+            state[RY] += _ROBOT * (robot[2] - state[RY])
+        self.state, self.time = state, stamp
+
+    def at(self, time: int, base: Array, contour: Array, response: Array) -> Array:
+        """Return the state expected at `time`, not before the newest observation."""
+        return self._carried(min(time, self.time + _LONGEST_GAP), base, contour, response)
+
+    def _carried(self, until: int, base: Array, contour: Array, response: Array) -> Array:
+        state, time = self.state.copy(), self.time
+        sent = [one for one in self.sent if one.time < until]
+        while time < until:
+            following = [one.time for one in sent if one.time > time]
+            end = min([*following, until, time + round(_STEP * 1e9)])
+            ux, uy = 0.0, 0.0
+            for one in sent:
+                if one.time <= time:
+                    ux, uy = one.ux, one.uy
+            step(state, ux, uy, (end - time) * 1e-9, base, contour, response)
+            time = end
+        return state
+
+
+def at_rest(state: Array) -> bool:
+    """Return whether nothing moves."""
+    moving = [VX, VY, RVX, RVY, RAMP_X, RAMP_Y]
+    return bool(np.abs(state[moving]).max() < 0.01)

@@ -1,0 +1,100 @@
+"""The closed-loop law of the predictive controller: push from behind, walk around at contact distance, stay inside.
+
+One function gives the robot's velocity for a manoeuvre; rollouts and the controller both call it, so that what was
+planned is what is done. A manoeuvre is a target for the object, a bias of the bearing to push from, a speed and a way
+around. All in m, s, rad, map frame.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from services.geometry.field import lookup, slope
+from services.predictive.model import RX, RY, YAW, X, Y, radius
+
+Array = NDArray[np.float64]
+
+TARGET_X, TARGET_Y, BIAS, SPEED, SIDE, BODY, STAND, LEAN, MANOEUVRE = range(9)
+"""Places in a manoeuvre: m, where the object is to go; rad, bearing from exactly behind; m/s; -1 or 1, the way around
+the object, 0 the shorter; 1 to push at a place of the body instead of behind: rad, its bearing in the object's frame;
+rad, push direction from towards the object's centre. MANOEUVRE is their number."""
+
+WALK_FROM = 0.9
+PUSH_FROM = 0.3
+RING = 0.045
+GAIN = 1.6
+_STEER_MOST = 1.1
+_RADIAL_GAIN = 3.0
+_NEAR = 0.5
+_RIDGE = 0.2
+
+
+@njit("f8(f8)", cache=True)
+def wrapped(angle: float) -> float:
+    """Return `angle` in [-pi, pi)."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+@njit("UniTuple(f8,3)(f8[::1],f8[::1],f8[::1],f8)", cache=True)
+def wish(state: Array, contour: Array, manoeuvre: Array, walking: float) -> tuple[float, float, float]:
+    """Return the velocity to send, and whether the robot walks around (1.0) or pushes (0.0).
+
+    Args:
+        walking: what was returned last: between the two there is hysteresis.
+    """
+    dx, dy = state[RX] - state[X], state[RY] - state[Y]
+    distance = math.sqrt(dx * dx + dy * dy) + 1e-9
+    bearing = math.atan2(dy, dx)
+    behind = math.atan2(state[Y] - manoeuvre[TARGET_Y], state[X] - manoeuvre[TARGET_X])
+    lean = 0.0
+    if manoeuvre[BODY] == 1.0:
+        error, lean = wrapped(bearing - state[YAW] - manoeuvre[STAND]), manoeuvre[LEAN]
+    else:
+        error = wrapped(bearing - behind - manoeuvre[BIAS])
+    gap = distance - radius(contour, bearing - state[YAW])[0]
+    ex, ey = dx / distance, dy / distance
+    speed = manoeuvre[SPEED]
+    if abs(error) > WALK_FROM:
+        walking = 1.0
+    elif abs(error) < PUSH_FROM:
+        walking = 0.0
+    if walking == 0.0:
+        steer = min(max(GAIN * error + lean, -_STEER_MOST), _STEER_MOST)
+        inward, around = speed * math.cos(steer), -speed * math.sin(steer)
+        return -inward * ex - around * ey, -inward * ey + around * ex, walking
+    way = -1.0 if error > 0.0 else 1.0
+    # Close to the end the shorter way is the only one that makes sense.
+    if manoeuvre[SIDE] != 0.0 and abs(error) > _NEAR * math.pi:
+        way = manoeuvre[SIDE]
+    outward = min(max(_RADIAL_GAIN * (RING - gap), -speed), speed)
+    # In touch, first away: a robot that slides along the object turns it.
+    free = min(max(gap / RING, 0.0), 1.0)
+    around = way * free * math.sqrt(max(0.0, speed * speed - outward * outward))
+    return outward * ex - around * ey, outward * ey + around * ex, walking
+
+
+@njit("UniTuple(f8,2)(f8[:,::1],f8,f8,f8,f8,f8,f8,f8,f8,f8)", cache=True)
+def inside(
+    values: Array, x0: float, y0: float, resolution: float,
+    x: float, y: float, ux: float, uy: float, deceleration: float, margin: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Return the velocity changed as little as lets the robot at (x, y) stop before the corridor's edge.
+
+    Outward at most sqrt(2 deceleration depth), and at most depth / 0.4 s where that is less; inward at least where
+    it stands outside of the margin.
+    """
+    depth = lookup(values, x0, y0, resolution, x, y) - margin
+    gx, gy = slope(values, x0, y0, resolution, x, y)
+    norm = math.sqrt(gx * gx + gy * gy)
+    if norm < _RIDGE:
+        return ux, uy
+    nx, ny = gx / norm, gy / norm
+    outward = -(ux * nx + uy * ny)
+    allowed = min(math.sqrt(2.0 * deceleration * depth), 2.0 * depth) if depth > 0.0 else max(2.0 * depth, -0.15)
+    if outward <= allowed:
+        return ux, uy
+    return ux + (outward - allowed) * nx, uy + (outward - allowed) * ny

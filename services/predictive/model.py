@@ -1,0 +1,179 @@
+"""A forward model of robot and object in the plane: who moves where when the robot is sent a velocity.
+
+The object is known by two things. Its contour rho(b): the distance between the centres of robot and object when they
+touch and the robot stands at the bearing b from the object, in the object's frame; a Fourier series. The normal of
+this curve is the normal of the contact. And its response: an ellipsoidal limit surface (Howe and Cutkosky 1996) with
+the quasi-static closed form for a contact that sticks or slides (Lynch, Maekawa and Tanie 1992), and how fast it
+comes to rest alone.
+
+All quantities are in m, s, rad, map frame, unless said.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ORDER = 4
+CONTOUR = 2 * ORDER + 1
+"""coefficients of the contour: mean, then cosine and sine of each order"""
+
+ANISOTROPY, AXIS, CENTRE_X, CENTRE_Y, LENGTH, FRICTION, COASTING, RESPONSE = range(8)
+"""Places in a response: log of friction across over along the easy axis; rad, the axis in the object's frame; m, the
+centre of friction in the object's frame; m, most friction torque over most friction force; friction coefficient between
+robot and object; m/s^2, deceleration along the easy axis. RESPONSE is their number."""
+
+X, Y, YAW, VX, VY, OMEGA, RX, RY, RVX, RVY, RAMP_X, RAMP_Y, STATE = range(13)
+"""Places in a state: the object's pose and velocity, the robot's position, velocity, and the velocity its ramp has
+reached. STATE is their number."""
+
+ACCELERATION, LAG, RADIUS, BASE = range(4)
+"""Places in a base: m/s^2 of the ramp, s of the lag behind it, m of the robot's disc. BASE is their number."""
+
+_TOUCH = 0.004
+_EPSILON = 1e-9
+
+
+def prior_contour(robot_diameter: float, object_diameter: float) -> Array:
+    """Return the contour of a disc somewhat inside the bounding circle: (CONTOUR,)."""
+    contour = np.zeros(CONTOUR)
+    contour[0] = 0.5 * robot_diameter + 0.42 * object_diameter
+    return contour
+
+
+def prior_response(object_diameter: float) -> Array:
+    """Return the response of an even disc on even ground: (RESPONSE,)."""
+    response = np.zeros(RESPONSE)
+    response[LENGTH] = 0.3 * object_diameter
+    response[FRICTION] = 0.3
+    response[COASTING] = 2.5
+    return response
+
+
+@njit("UniTuple(f8,2)(f8[::1],f8)", cache=True)
+def radius(contour: Array, bearing: float) -> tuple[float, float]:
+    """Return rho and its derivative at `bearing`, object's frame."""
+    c, s = math.cos(bearing), math.sin(bearing)
+    ck, sk = c, s
+    rho, slope = contour[0], 0.0
+    for k in range(1, ORDER + 1):
+        a, b = contour[2 * k - 1], contour[2 * k]
+        rho += a * ck + b * sk
+        slope += k * (b * ck - a * sk)
+        ck, sk = ck * c - sk * s, sk * c + ck * s
+    return rho, slope
+
+
+@njit("void(f8[::1],f8,f8,f8,f8[::1])", cache=True)
+def drive(state: Array, ux: float, uy: float, dt: float, base: Array) -> None:
+    """Let the robot follow the velocity (ux, uy) for `dt`: ramp, lag, motion. Changes `state`."""
+    dx, dy = ux - state[RAMP_X], uy - state[RAMP_Y]
+    change = math.sqrt(dx * dx + dy * dy)
+    most = base[ACCELERATION] * dt
+    share = 1.0 if change <= most else most / change
+    state[RAMP_X] += share * dx
+    state[RAMP_Y] += share * dy
+    keep = math.exp(-dt / base[LAG]) if base[LAG] > 0.0 else 0.0
+    before_x, before_y = state[RVX], state[RVY]
+    state[RVX] = state[RAMP_X] + keep * (state[RVX] - state[RAMP_X])
+    state[RVY] = state[RAMP_Y] + keep * (state[RVY] - state[RAMP_Y])
+    state[RX] += 0.5 * dt * (before_x + state[RVX])
+    state[RY] += 0.5 * dt * (before_y + state[RVY])
+
+
+@njit("UniTuple(f8,3)(f8,f8,f8,f8,f8,f8,f8,f8[::1])", cache=True)
+def _pushed(
+    yaw: float, px: float, py: float, nx: float, ny: float, rvx: float, rvy: float, response: Array
+) -> tuple[float, float, float]:
+    """Return the object's twist under a contact at (px, py) from its centre, moved with (rvx, rvy).
+
+    (nx, ny): the contact's normal into the object. Works in the frame of the easy axis, about the centre of friction:
+    twist = D w for a wrench w on the limit surface, D = diag(1, e^-2a, 1/l^2) up to a factor.
+    """
+    angle = yaw + response[AXIS]
+    c, s = math.cos(angle), math.sin(angle)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    fx = cy * response[CENTRE_X] - sy * response[CENTRE_Y]
+    fy = sy * response[CENTRE_X] + cy * response[CENTRE_Y]
+    qx, qy = px - fx, py - fy
+    ax, ay = c * qx + s * qy, -s * qx + c * qy
+    nax, nay = c * nx + s * ny, -s * nx + c * ny
+    vax, vay = c * rvx + s * rvy, -s * rvx + c * rvy
+    across = math.exp(-2.0 * response[ANISOTROPY])
+    turn = 1.0 / (response[LENGTH] * response[LENGTH])
+    # The contact point's velocity for a force f there is M f, M = J D J^T.
+    mxx = 1.0 + turn * ay * ay
+    mxy = -turn * ax * ay
+    myy = across + turn * ax * ax
+    det = mxx * myy - mxy * mxy
+    forcex, forcey = (myy * vax - mxy * vay) / det, (mxx * vay - mxy * vax) / det
+    normal = forcex * nax + forcey * nay
+    tangent = -forcex * nay + forcey * nax
+    mu = response[FRICTION]
+    if normal <= 0.0 or abs(tangent) > mu * normal:
+        # It slips: the force lies on the friction cone's edge, and only the normal velocity is shared.
+        side = mu if tangent > 0.0 else -mu
+        forcex, forcey = nax - side * nay, nay + side * nax
+        reach = nax * (mxx * forcex + mxy * forcey) + nay * (mxy * forcex + myy * forcey)
+        size = (vax * nax + vay * nay) / max(reach, _EPSILON)
+        forcex, forcey = size * forcex, size * forcey
+    tx, ty = forcex, across * forcey
+    omega = turn * (ax * forcey - ay * forcex)
+    vx, vy = c * tx - s * ty, s * tx + c * ty
+    # From the centre of friction to the object's centre.
+    return vx + omega * fy, vy - omega * fx, omega
+
+
+@njit("void(f8[::1],f8,f8[::1])", cache=True)
+def _coast(state: Array, dt: float, response: Array) -> None:
+    """Slow the object down as its ground does."""
+    angle = state[YAW] + response[AXIS]
+    c, s = math.cos(angle), math.sin(angle)
+    along, across = c * state[VX] + s * state[VY], -s * state[VX] + c * state[VY]
+    brake = response[COASTING] * dt
+    along = math.copysign(max(0.0, abs(along) - brake), along)
+    brake *= math.exp(response[ANISOTROPY])
+    across = math.copysign(max(0.0, abs(across) - brake), across)
+    omega = state[OMEGA]
+    omega = math.copysign(max(0.0, abs(omega) - brake / (2.0 * response[LENGTH])), omega)
+    state[VX], state[VY], state[OMEGA] = c * along - s * across, s * along + c * across, omega
+
+
+@njit("void(f8[::1],f8,f8[::1],f8[::1],f8[::1])", cache=True)
+def answer(state: Array, dt: float, base: Array, contour: Array, response: Array) -> None:
+    """Let the object move for `dt` beside the robot that has moved. Changes `state`."""
+    _coast(state, dt, response)
+    dx, dy = state[RX] - state[X], state[RY] - state[Y]
+    distance = math.sqrt(dx * dx + dy * dy) + _EPSILON
+    rho, slope = radius(contour, math.atan2(dy, dx) - state[YAW])
+    gap = distance - rho
+    if gap < _TOUCH:
+        # Outward normal of the contour: radial less tangential slope.
+        ex, ey = dx / distance, dy / distance
+        nx, ny = rho * ex + slope * ey, rho * ey - slope * ex
+        norm = math.sqrt(nx * nx + ny * ny) + _EPSILON
+        nx, ny = nx / norm, ny / norm
+        px, py = dx - base[RADIUS] * nx, dy - base[RADIUS] * ny  # contact, from the object's centre
+        vx, vy, omega = state[VX] - state[OMEGA] * py, state[VY] + state[OMEGA] * px, state[OMEGA]
+        closing = -((state[RVX] - vx) * nx + (state[RVY] - vy) * ny)
+        if closing > 0.0:
+            vx, vy, omega = _pushed(state[YAW], px, py, -nx, -ny, state[RVX], state[RVY], response)
+            state[VX], state[VY], state[OMEGA] = vx, vy, omega
+        if gap < 0.0:
+            state[X] += gap * nx
+            state[Y] += gap * ny
+    state[X] += dt * state[VX]
+    state[Y] += dt * state[VY]
+    state[YAW] += dt * state[OMEGA]
+
+
+@njit("void(f8[::1],f8,f8,f8,f8[::1],f8[::1],f8[::1])", cache=True)
+def step(state: Array, ux: float, uy: float, dt: float, base: Array, contour: Array, response: Array) -> None:
+    """Let `dt` pass with the robot sent (ux, uy). Changes `state`."""
+    drive(state, ux, uy, dt, base)
+    answer(state, dt, base, contour, response)

@@ -1,0 +1,185 @@
+"""Short-horizon planning: rolls candidates out in the forward model and takes the cheapest.
+
+A candidate is a closed loop: where on the path the object is to be pushed next, the bias of the bearing, the speed, the
+way around, and whether to step back first. The object's and the robot's depth in the corridor are part of the cost, so
+that what leaves the corridor never wins while something else does not.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from services.geometry.field import lookup
+from services.predictive.law import (
+    BIAS,
+    BODY,
+    LEAN,
+    MANOEUVRE,
+    SIDE,
+    SPEED,
+    STAND,
+    TARGET_X,
+    TARGET_Y,
+    inside,
+    wish,
+    wrapped,
+)
+from services.predictive.model import ACCELERATION, RX, RY, X, Y, step
+
+Array = NDArray[np.float64]
+
+STEP = 0.05
+AHEAD, BIAS_OF, SPEED_OF, SIDE_OF, BACK, BODY_OF, STAND_OF, LEAN_OF, CANDIDATE = range(9)
+"""Places in a candidate: m along the path to its target, rad, share of the full speed, way around, s to step back; s to
+push at a place of the body first, its bearing, rad, object's frame, and the push's direction from the centre's, rad."""
+
+HORIZON, SPEED_FULL, APPROACH, SLOWEST, MARGIN, PRECISION, SETTINGS = range(7)
+"""Places in the settings: s; m/s; m/s^2 of the approach to the goal; m/s; m kept from the edge; m."""
+
+_OUT = 60.0
+_NEAR_EDGE = 40.0
+_TERMINAL = 2.5
+_RELOCATION = 0.12
+_ROOM = 0.04
+_BODY = 0.8
+
+
+def candidates() -> Array:
+    """Return the candidates, (N, CANDIDATE)."""
+    rows: list[tuple[float, ...]] = []
+    for ahead in (0.1, 0.3, 0.6, 1.0):
+        rows += [(ahead, bias, 1.0, 0.0, 0.0) for bias in (0.0, -0.25, 0.25, -0.55, 0.55)]
+        rows.append((ahead, 0.0, 0.5, 0.0, 0.0))
+        for side in (-1.0, 1.0):
+            rows.append((ahead, 0.0, 1.0, side, 0.0))
+            rows.append((ahead, 0.0, 1.0, side, 0.6))
+    rows = [(*row, 0.0, 0.0, 0.0) for row in rows]
+    for stand in np.arange(12) * math.pi / 6:
+        rows += [(0.3, 0.0, 0.7, 0.0, 0.0, _BODY, float(stand), lean) for lean in (-0.5, 0.0, 0.5)]
+    return np.array(rows)
+
+
+@njit("i8(f8[:,::1],i8,f8,f8)", cache=True)
+def advance(path: Array, index: int, x: float, y: float) -> int:
+    """Return the index of the path's point closest to (x, y), searched from `index` both ways while it gets closer."""
+    n = len(path)
+    best = (path[index, 0] - x) ** 2 + (path[index, 1] - y) ** 2
+    for way in (1, -1):
+        i = index
+        while 0 <= i + way < n:
+            d = (path[i + way, 0] - x) ** 2 + (path[i + way, 1] - y) ** 2
+            if d >= best:
+                break
+            i += way
+            best = d
+        if i != index:
+            return i
+    return index
+
+
+@njit("void(f8[:,::1],f8,i8,f8[::1],f8[::1],f8[::1],f8[::1])", cache=True)
+def manoeuvre_of(
+    path: Array, spacing: float, index: int, state: Array, candidate: Array, settings: Array, out: Array
+) -> None:
+    """Write to `out` the manoeuvre of a candidate for the object's place."""
+    last = len(path) - 1
+    ahead = min(index + max(1, round(candidate[AHEAD] / spacing)), last)
+    out[TARGET_X], out[TARGET_Y] = path[ahead, 0], path[ahead, 1]
+    gx, gy = path[last, 0] - state[X], path[last, 1] - state[Y]
+    left = math.sqrt(gx * gx + gy * gy)
+    braked = math.sqrt(2.0 * settings[APPROACH] * left)
+    out[BIAS] = candidate[BIAS_OF]
+    out[SPEED] = max(settings[SLOWEST], min(candidate[SPEED_OF] * settings[SPEED_FULL], braked))
+    out[SIDE] = candidate[SIDE_OF]
+    out[BODY], out[STAND], out[LEAN] = 1.0 if candidate[BODY_OF] > 0.0 else 0.0, candidate[STAND_OF], candidate[LEAN_OF]
+
+
+@njit(
+    "f8(f8[::1],f8,f8[::1],f8[::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1],f8,i8,f8[:,::1],f8,f8,f8,f8[:,::1])",
+    cache=True,
+)
+def rollout(
+    start: Array, walking: float, candidate: Array, base: Array, contour: Array, response: Array, settings: Array,
+    path: Array, width: Array, spacing: float, index: int,
+    values: Array, x0: float, y0: float, resolution: float, trace: Array,
+) -> float:  # fmt: skip
+    """Return the cost of a candidate; writes (object, robot) positions to `trace` (steps, 4), as far as it reaches."""
+    state = start.copy()
+    manoeuvre = np.empty(MANOEUVRE)
+    steps = int(settings[HORIZON] / STEP)
+    last = len(path) - 1
+    cost, left, error = 0.0, 0.0, 0.0
+    deceleration = 0.8 * base[ACCELERATION]
+    pushed = 0.0
+    for k in range(steps):
+        index = advance(path, index, state[X], state[Y])
+        manoeuvre_of(path, spacing, index, state, candidate, settings, manoeuvre)
+        if manoeuvre[BODY] == 1.0 and pushed >= candidate[BODY_OF]:
+            manoeuvre[BODY] = 0.0
+        ux, uy, walking = wish(state, contour, manoeuvre, walking)
+        if walking == 0.0:
+            pushed += STEP
+        if k * STEP < candidate[BACK]:
+            dx, dy = state[RX] - state[X], state[RY] - state[Y]
+            d = math.sqrt(dx * dx + dy * dy) + 1e-9
+            ux, uy = manoeuvre[SPEED] * dx / d, manoeuvre[SPEED] * dy / d
+        kept = min(settings[MARGIN], 0.3 * max(width[index], 0.0))
+        ux, uy = inside(values, x0, y0, resolution, state[RX], state[RY], ux, uy, deceleration, kept)
+        step(state, ux, uy, STEP, base, contour, response)
+        qx, qy = state[X] - path[index, 0], state[Y] - path[index, 1]
+        lateral = math.sqrt(qx * qx + qy * qy)
+        left = (last - index) * spacing + lateral
+        if k < len(trace):
+            trace[k, 0], trace[k, 1], trace[k, 2], trace[k, 3] = state[X], state[Y], state[RX], state[RY]
+        gx, gy = state[X] - path[last, 0], state[Y] - path[last, 1]
+        if gx * gx + gy * gy < settings[PRECISION] * settings[PRECISION]:
+            left = 0.0
+            break
+        # The robot must find room between the object and the edge, or nothing can bring the object back.
+        depth = lookup(values, x0, y0, resolution, state[X], state[Y])
+        needed = min(contour[0] + _ROOM, 0.75 * max(width[index], 0.0))
+        if depth < needed:
+            short = needed - depth
+            cost += STEP * _NEAR_EDGE * short * (0.1 + short)
+        if depth < 0.0:
+            cost += _OUT * STEP
+        if lookup(values, x0, y0, resolution, state[RX], state[RY]) < 0.0:
+            cost += _OUT * STEP
+        cost += STEP * left
+    if left > 0.0:
+        bearing = math.atan2(state[RY] - state[Y], state[RX] - state[X])
+        behind = math.atan2(state[Y] - manoeuvre[TARGET_Y], state[X] - manoeuvre[TARGET_X])
+        error = abs(wrapped(bearing - behind))
+    return cost + _TERMINAL * (left + _RELOCATION * error)
+
+
+@njit(
+    "UniTuple(f8,2)(f8[::1],f8,f8[:,::1],f8[::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1],f8,i8,f8[:,::1],f8,f8,f8,i8)",
+    cache=True,
+)
+def choose(
+    start: Array, walking: float, rows: Array, base: Array, contour: Array, response: Array, settings: Array,
+    path: Array, width: Array, spacing: float, index: int,
+    values: Array, x0: float, y0: float, resolution: float, favourite: int,
+) -> tuple[float, float]:  # fmt: skip
+    """Return the number of the cheapest of the candidates `rows`, and its cost.
+
+    Args:
+        favourite: the one in force, which has a small advantage; -1 for none. Its changes cost more than they bring.
+    """
+    best, cheapest = -1, np.inf
+    nothing = np.empty((0, 4))
+    for i in range(len(rows)):
+        cost = rollout(
+            start, walking, rows[i], base, contour, response, settings,
+            path, width, spacing, index, values, x0, y0, resolution, nothing,
+        )  # fmt: skip
+        if i == favourite:
+            cost *= 0.97
+        if cost < cheapest:
+            best, cheapest = i, cost
+    return float(best), cheapest

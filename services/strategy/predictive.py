@@ -1,0 +1,91 @@
+"""The predictive strategy: plans pushes in a model of this object, instead of a rule for all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.messages import PushPlan
+from services.geometry.corridor import CorridorGeometry
+from services.geometry.wire import polyline
+from services.predictive import plan
+from services.predictive.estimate import Track
+from services.predictive.law import MANOEUVRE, TARGET_X, TARGET_Y
+from services.predictive.model import X, Y
+from services.predictive.situation import SPACING, Lane
+from services.strategy.config import PredictiveConfig
+
+Array = NDArray[np.float64]
+
+_CANDIDATES = plan.candidates()
+
+
+@dataclass
+class PlannerState:
+    """What the planner goes on from.
+
+    Attributes:
+        track: where robot and object are.
+        favourite: number of the candidate in force; -1 for none.
+        walking: 1 while the robot walks around the object.
+    """
+
+    track: Track = field(default_factory=Track)
+    favourite: int = -1
+    walking: float = 0.0
+
+
+def choose(
+    state: PlannerState,
+    config: PredictiveConfig,
+    corridor: CorridorGeometry,
+    lane: Lane,
+    base: Array,
+    contour: Array,
+    response: Array,
+    precision: float,
+    now: int,
+) -> tuple[Array, PushPlan]:
+    """Return the target t, (2,), and the plan that it belongs to."""
+    start = state.track.at(now, base, contour, response)
+    settings = np.empty(plan.SETTINGS)
+    settings[[plan.HORIZON, plan.SPEED_FULL, plan.APPROACH]] = config.horizon, config.speed, config.approach
+    settings[[plan.SLOWEST, plan.MARGIN, plan.PRECISION]] = config.slowest, config.margin, 0.6 * precision
+    distances = np.hypot(lane.path[:, 0] - start[X], lane.path[:, 1] - start[Y])
+    index = int(np.argmin(distances))
+    grid = corridor.field
+    where = (grid.values, float(grid.origin[0]), float(grid.origin[1]), grid.resolution)
+    best, cost = plan.choose(
+        start, state.walking, _CANDIDATES, base, contour, response, settings,
+        lane.path, lane.width, SPACING, index, *where, state.favourite,
+    )  # fmt: skip
+    state.favourite = int(best)
+    row = _CANDIDATES[state.favourite]
+    trace = np.zeros((int(config.horizon / plan.STEP), 4))
+    plan.rollout(
+        start, state.walking, row, base, contour, response, settings,
+        lane.path, lane.width, SPACING, index, *where, trace,
+    )  # fmt: skip
+    manoeuvre = np.empty(MANOEUVRE)
+    plan.manoeuvre_of(lane.path, SPACING, index, start, row, settings, manoeuvre)
+    shown = trace[(trace != 0.0).any(axis=1)][::4]
+    message = PushPlan(
+        ahead=row[plan.AHEAD],
+        bias=row[plan.BIAS_OF],
+        speed=row[plan.SPEED_OF],
+        side=row[plan.SIDE_OF],
+        back=row[plan.BACK],
+        body=row[plan.BODY_OF],
+        stand=row[plan.STAND_OF],
+        lean=row[plan.LEAN_OF],
+        cost=cost,
+        object_path=polyline(shown[:, :2]),
+        robot_path=polyline(shown[:, 2:]),
+        speed_full=config.speed,
+        approach=config.approach,
+        slowest=config.slowest,
+        margin=config.margin,
+    )
+    return manoeuvre[[TARGET_X, TARGET_Y]], message
