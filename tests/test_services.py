@@ -38,7 +38,18 @@ def _recorded() -> dict[str, list[Sample]]:
     return samples
 
 
+@cache
+def _learned() -> list[Sample]:
+    """The predictive method's own topic, from a push with it."""
+    samples: list[Sample] = []
+    method = Layer("test", {"sim": {"strategy": "predictive", "controller": "predictive"}})
+    run(prepare([_LAYER, method]), sinks=[lambda one: samples.append(one) if one.topic == "push/response" else None])
+    return samples
+
+
 def _samples(topic: str) -> list[Sample]:
+    if topic == topics.PUSH_RESPONSE.name:
+        return _learned()
     if topic != topics.ALIVE.name:
         return _recorded()[topic]
     # Only live systems call the roll.
@@ -80,7 +91,7 @@ def _events(name: str) -> st.SearchStrategy[list[Event]]:
 @settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_a_restored_service_goes_on_as_if_it_had_never_stopped(name: str, data: st.DataObject) -> None:
-    _recorded()
+    _recorded(), _learned()
     before, after = data.draw(_events(name)), data.draw(_events(name))
     with Guard() as guard:
         one = _node(name, guard)

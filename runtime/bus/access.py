@@ -45,7 +45,7 @@ def access_control(access: AccessConfig, keys: Keys) -> dict[str, object]:
 
 def _see(keys: Keys) -> list[Rule]:
     """What everybody with a name may: subscribe, ask for last values and snapshots, see who is up; so also record."""
-    told = [keys.latched("**"), keys.snapshot("*"), keys.host("*"), keys.session()]
+    told = [keys.latched("**"), keys.snapshot("*"), keys.sent("*"), keys.host("*"), keys.session()]
     heard = [keys.everything()]
     return [
         _rule("see: subscribe", "ingress", ["declare_subscriber"], heard),
@@ -83,13 +83,13 @@ def _serve(host: str, services: Iterable[str], keys: Keys) -> list[Rule]:
         published += [keys.topic(topic) for topic in (*outputs, *(topic(name).name for topic in own))]
         answered += [keys.request(request) for request in contract.requests]
         answered += [keys.latched(topic) for topic in outputs if TOPICS[topic].latched]
-    snapshots = [keys.snapshot(name) for name in services]
+    own_keys = [key(name) for name in services for key in (keys.snapshot, keys.sent)]
     # Who asks all nodes at once asks a pattern, and is answered at it: only who answers at all is told apart.
-    asked = [*answered, *([keys.snapshot("*")] if snapshots else [])]
+    asked = [*answered, *([keys.snapshot("*"), keys.sent("*")] if own_keys else [])]
     nodes = [keys.node(name) for name in (*services, _RECORDER)]
     return [
         _rule(f"{host}: publish", "ingress", ["put"], published),
-        _rule(f"{host}: offer answers", "ingress", ["declare_queryable"], [*answered, *snapshots]),
+        _rule(f"{host}: offer answers", "ingress", ["declare_queryable"], [*answered, *own_keys]),
         _rule(f"{host}: be asked", "egress", ["query"], asked),
         _rule(f"{host}: answer", "ingress", ["reply"], asked),
         _rule(f"{host}: be up", "ingress", ["liveliness_token"], nodes),

@@ -57,6 +57,10 @@ class Keys:
         """Return the key at which a node is asked for a snapshot."""
         return f"{self.root}/@snapshot/{name}"
 
+    def sent(self, name: str) -> str:
+        """Return the key at which a node is asked for messages that it sent."""
+        return f"{self.root}/@sent/{name}"
+
     def session(self) -> str:
         """Return the key at which the launcher tells header and configuration of the session."""
         return f"{self.root}/@session"

@@ -7,6 +7,7 @@ as context managers, and closing has a time limit of its own, since it can block
 from __future__ import annotations
 
 import json
+import os
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -22,6 +23,8 @@ from runtime.errors import PushlaneError
 
 _CLOSE_LIMIT = 1.0
 _KEEP_ALIVE = 4
+_RUNTIME = "ZENOH_RUNTIME"
+_RX_THREADS = 32
 _QUEUE = 16
 _PRIORITIES = (
     "control",
@@ -50,7 +53,8 @@ def hub(config: BusConfig) -> Iterator[zenoh.Session]:
     if config.tls is not None:
         certificates.check(config.tls)
     try:
-        session = zenoh.open(_config(hub_settings(config)))
+        with _many_threads():
+            session = zenoh.open(_config(hub_settings(config)))
     except zenoh.ZError as error:
         raise NoBus(f"cannot listen at {', '.join(config.listen)}: {_first_line(error)}") from error
     with _closing(session):
@@ -93,6 +97,23 @@ def client(config: BusConfig, patience: float = 10.0) -> Iterator[zenoh.Session]
             time.sleep(0.1)
     with _closing(session):
         yield session
+
+
+@contextmanager
+def _many_threads() -> Iterator[None]:
+    """Let Zenoh start with many receiving threads, unless somebody has said how many.
+
+    A link that died without a word holds the thread that closes it for up to 10 s (zenoh issues 1101 and 2718). A
+    laptop has a link for each of its services: with Zenoh's own few threads, its network cut stops all traffic of the
+    robot for as long.
+    """
+    own = _RUNTIME not in os.environ
+    os.environ.setdefault(_RUNTIME, f"(rx: (worker_threads: {_RX_THREADS}))")
+    try:
+        yield
+    finally:
+        if own:
+            del os.environ[_RUNTIME]  # not for child processes
 
 
 @contextmanager

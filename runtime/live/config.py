@@ -14,12 +14,21 @@ class LiveConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     snapshot_period: Annotated[float, Meta(ge=0.1, le=3600, description="s between snapshots of each service")] = 1.0
     journal_period: Annotated[float, Meta(ge=0.01, le=0.25, description="s between journal batches")] = 0.1
     health_period: Annotated[float, Meta(ge=0.1, le=60, description="s between health messages")] = 1.0
+    remind_period: Annotated[
+        float, Meta(ge=0.1, le=60, description="s between repetitions of latched values, for those who missed them")
+    ] = 1.0
     beat_period: Annotated[float, Meta(ge=0.02, le=5, description="s between heartbeats")] = 0.1
     frozen_after: Annotated[
         float, Meta(ge=0.2, le=60, description="s without a heartbeat after which a service is killed and restarted")
     ] = 2.0
     restarts: Annotated[int, Meta(ge=0, le=200, description="restarts of a service before the launcher gives up")] = 20
     back_off: Annotated[float, Meta(ge=0, le=60, description="s before the second restart, doubled each time")] = 0.1
+    kept: Annotated[
+        int,
+        Meta(
+            ge=0, le=1 << 30, description="bytes of sent messages that a service keeps for recorders that missed them"
+        ),
+    ] = 8 << 20
     largest: Annotated[int, Meta(ge=1024, le=1 << 30, description="bytes of a payload above which it is refused")] = (
         16 << 20
     )

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from types import FrameType
 
+import msgspec
 import zenoh
 from google.protobuf.message import Message
 
@@ -25,6 +26,7 @@ from runtime.live.beat import beat
 from runtime.live.clock import Clock
 from runtime.live.config import LiveConfig
 from runtime.live.inbox import Arrivals, Busy, Inbox
+from runtime.live.sent import Missing, Sent
 from runtime.messages import Health, InputHealth, Reply, Request, Snapshot
 from runtime.node import Node
 from runtime.sample import INCARNATION, BadMessage, Sample
@@ -75,6 +77,7 @@ class LiveHost:
         self._stopped = threading.Event()
         self._publishers: dict[str, tuple[zenoh.Publisher, bool]] = {}
         self._latched: dict[str, Sample] = {}
+        self._sent = Sent(config.kept)
         self._requests = incarnation * INCARNATION
         self._busy = Busy()
         self._overrun: dict[str, int] = {}
@@ -108,6 +111,7 @@ class LiveHost:
         latched = [topic for topic in contract.outputs if TOPICS[topic].latched]
         declared += [session.declare_queryable(keys.latched(topic), self._teller(topic)) for topic in latched]
         declared.append(session.declare_queryable(keys.snapshot(self._node.name), self._asker("@snapshot")))
+        declared.append(session.declare_queryable(keys.sent(self._node.name), self._send_again))
         declared.append(session.liveliness().declare_token(keys.node(self._node.name)))
         return declared
 
@@ -118,6 +122,7 @@ class LiveHost:
             self._flush: nanoseconds(self._config.journal_period),
             self._beat: nanoseconds(self._config.beat_period),
             self._report: nanoseconds(self._config.health_period),
+            self._remind: nanoseconds(self._config.remind_period),
             self._snap: nanoseconds(self._config.snapshot_period),
         }
         now = clock.now()
@@ -244,6 +249,29 @@ class LiveHost:
             if latched:
                 self._latched[sample.topic] = sample
             publisher.put(sample.payload, attachment=envelope.pack(sample.sequence, sample.time))
+            self._sent.add(sample)
+
+    def _send_again(self, query: zenoh.Query) -> None:
+        """Answer what a recorder missed. On Zenoh's thread: the loop is not held up."""
+        try:
+            missing = msgspec.json.decode(b"" if query.payload is None else bytes(query.payload), type=Missing)
+        except msgspec.MsgspecError as error:
+            query.reply_err(f"'{self._node.name}': {error}")
+        else:
+            for sample in self._sent.find(missing):
+                attachment = envelope.pack(sample.sequence, sample.time)
+                query.reply(str(query.key_expr), sample.payload, attachment=attachment)
+        query.drop()
+
+    def _remind(self, _: Time) -> None:
+        """Send latched values again: who was cut off when one came must not go on with the one before.
+
+        Else a base would be driven on after its push was ended, since nobody told the controller. Consumers and
+        recorders know the number and leave it out.
+        """
+        for topic, sample in self._latched.items():
+            attachment = envelope.pack(sample.sequence, sample.time)
+            self._publishers[topic][0].put(sample.payload, attachment=attachment)
 
     def _publisher(self, topic: str) -> tuple[zenoh.Publisher, bool]:
         publisher = self._session.declare_publisher(

@@ -100,7 +100,8 @@ class Part:
 
     def _write_own(self, kind: str, node: str, sample: Sample) -> None:
         if kind == "journal":
-            self.journals[node] = sample.sequence - 1  # a batch bears the number of the entry after its last
+            # A batch bears the number of the entry after its last; one that was missed comes after later ones.
+            self.journals[node] = max(sample.sequence - 1, self.journals.get(node, 0))
         self.recorder(sample)
 
     def _write_message(self, sample: Sample) -> None:

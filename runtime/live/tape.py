@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import zenoh
 from google.protobuf.message import DecodeError
 
@@ -25,8 +26,9 @@ from runtime.live.clock import Clock
 from runtime.live.gaps import Gaps
 from runtime.live.part import Part, free_name
 from runtime.live.plan import Plan
+from runtime.live.sent import Missing
 from runtime.live.split import Split
-from runtime.messages import Journal, Log, Snapshot
+from runtime.messages import EntryKind, Journal, Log, Snapshot
 from runtime.recorder import header
 from runtime.sample import Sample
 from runtime.topics import TOPICS
@@ -36,6 +38,8 @@ RECORDER = "recorder"
 _SETTLE = 0.3
 """s that a message may be under way: what was sent before must have been handled, or written, after it."""
 _ANSWER_LIMIT = 5.0
+_GIVE_UP = 60.0
+_OVERDUE = 1.0
 _OVERLAP_LIMIT = 3.0
 _LOOK_EVERY = 0.2
 
@@ -45,6 +49,16 @@ class _Answer:
     """A latched value, which may also come by subscription."""
 
     sample: Sample
+
+
+@dataclass(frozen=True)
+class _Late:
+    """Messages of `topic` that were missed, as far as their sender still had them; `text` says which those were."""
+
+    topic: str
+    text: str
+    time: int
+    samples: list[Sample]
 
 
 @dataclass(frozen=True)
@@ -61,7 +75,7 @@ class _Asked:
     """All services were asked for a snapshot."""
 
 
-_Item = Sample | _Answer | _Begin | _Asked | None
+_Item = Sample | _Answer | _Late | _Begin | _Asked | None
 
 
 class Tape:
@@ -100,6 +114,8 @@ class Tape:
         self._closing = threading.Event()
         self._latched: dict[str, Sample] = {}
         self._lines = 0
+        self._asking: list[threading.Thread] = []
+        self._behind: dict[str, tuple[int, int]] = {}
         self._running: list[str] = []
         self.gaps = Gaps()
         self.count = 0
@@ -133,6 +149,9 @@ class Tape:
             for reply in self._session.liveliness().get(self._keys.node("*"), timeout=1.0)
             if reply.ok is not None
         ]
+        last = time.monotonic() + _OVERLAP_LIMIT
+        for thread in self._asking:
+            thread.join(max(0.0, last - time.monotonic()))
         self._closing.set()
         self._subscriber.undeclare()
         self._queue.put(None)
@@ -199,7 +218,7 @@ class Tape:
                     self.failure = self.failure or error
 
     def _write_all(self) -> None:
-        looked = time.monotonic()
+        looked = asked = time.monotonic()
         while True:
             try:
                 item = self._queue.get(timeout=_LOOK_EVERY)
@@ -213,8 +232,11 @@ class Tape:
             if now - looked >= _LOOK_EVERY:
                 looked = now
                 self._look_at_parts(now)
+            if now - asked >= _OVERDUE:
+                asked = now
+                self._look_for_missing()
 
-    def _take(self, item: Sample | _Answer | _Begin | _Asked) -> None:
+    def _take(self, item: Sample | _Answer | _Late | _Begin | _Asked) -> None:
         if isinstance(item, _Begin):
             self._part.begin(item.node, item.number)
             self._until[item.node] = item.entry
@@ -225,6 +247,12 @@ class Tape:
             self._overlap_ends = time.monotonic() + _OVERLAP_LIMIT
         elif isinstance(item, _Answer):
             self._write(item.sample)
+        elif isinstance(item, _Late):
+            for sample in item.samples:
+                if item.topic.startswith("journal/"):
+                    self._read(sample)
+                self._write(sample)
+            self._log(f"{item.text}: {len(item.samples)} messages of these came when asked for", item.time)
         else:
             self._note_gap(item)
             self._write(item)
@@ -246,12 +274,60 @@ class Tape:
     def _note_gap(self, sample: Sample) -> None:
         kind = sample.topic.partition("/")[0]
         try:
-            first = Journal.FromString(sample.payload).first if kind == "journal" else None
+            first = self._read(sample) if kind == "journal" else None
         except DecodeError:
             return
         missed = self.gaps.take(sample, first)
         if missed:
             self._log(missed, sample.time)
+            self._start_asking(sample.topic, self.gaps.wanted, missed, sample.time)
+
+    def _read(self, sample: Sample) -> int:
+        """Learn from a journal what was sent. Returns the number of its first entry."""
+        batch = Journal.FromString(sample.payload)
+        for kind, name, sequence in zip(batch.kind, batch.name, batch.sequence, strict=False):
+            if kind == EntryKind.PRODUCED and name < len(batch.names):
+                self.gaps.give(batch.names[name], sequence)
+        return batch.first
+
+    def _look_for_missing(self) -> None:
+        """Ask for messages that a journal names and that have not come for as long as one may be under way."""
+        behind = self.gaps.behind()
+        for topic, wanted in behind.items():
+            if self._behind.get(topic) == wanted:
+                self.gaps.pass_over(topic, wanted[1])
+                self._start_asking(topic, wanted, f"missed '{topic}' {wanted[0]} to {wanted[1]}", self._clock.now())
+        self._behind = behind
+
+    def _start_asking(self, topic: str, wanted: tuple[int, int], text: str, at: int) -> None:
+        thread = threading.Thread(target=self._ask_again, args=(topic, wanted, text, at), name="tape-asks", daemon=True)
+        self._asking.append(thread)
+        thread.start()
+
+    def _ask_again(self, topic: str, wanted: tuple[int, int], text: str, at: int) -> None:
+        """Ask for messages that did not come, on a thread of its own."""
+        found: dict[int, Sample] = {}
+        question = msgspec.json.encode(Missing(topic, *wanted))
+        give_up = time.monotonic() + _GIVE_UP
+        while time.monotonic() < give_up and not self._closing.is_set():
+            try:
+                for reply in self._session.get(
+                    self._keys.sent("*"),
+                    payload=question,
+                    timeout=_ANSWER_LIMIT,
+                    consolidation=zenoh.ConsolidationMode.NONE,
+                ):
+                    if reply.ok is not None and reply.ok.attachment is not None:
+                        attachment = bytes(reply.ok.attachment)
+                        one = envelope.unpack(topic, bytes(reply.ok.payload), attachment)
+                        found[one.sequence] = one
+            except zenoh.ZError:
+                break  # the session was closed meanwhile
+            if found:
+                break
+            # Its link is back, but not yet what it answers for; or is broken again.
+            self._closing.wait(_OVERDUE)
+        self._queue.put(_Late(topic, text, at, list(found.values())))
 
     def _log(self, text: str, at: int | None = None) -> None:
         """Write a line into the recording, at the place that it speaks of."""

@@ -28,6 +28,9 @@ class ControllerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
         float,
         Meta(gt=0, le=5, description="s without a new object or robot position before the base is stopped"),
     ] = 0.5
+    silence: Annotated[
+        float, Meta(gt=0, le=60, description="s without news of the push from the task after which the base is stopped")
+    ] = 1.0
     barrier: Annotated[bool, Meta(description="limit the speed towards the corridor's edge; off as in the paper")] = (
         False
     )

@@ -9,7 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import topics
-from runtime.messages import Corridor, ObjectState, PushBehaviour, RobotPose, Twist2, VelocityCommand, Visibility
+from runtime.messages import (
+    Corridor,
+    ObjectState,
+    PushBehaviour,
+    PushGoal,
+    PushPhase,
+    PushStatus,
+    RobotPose,
+    Twist2,
+    VelocityCommand,
+    Visibility,
+)
 from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
 from runtime.time import Time, nanoseconds
 from runtime.topics import Delivery
@@ -39,11 +50,16 @@ class Wish:
 
 @dataclass
 class ControllerState:
-    """What the service goes on from."""
+    """What the service goes on from.
+
+    Attributes:
+        heard: when the task last spoke of the push, ns.
+    """
 
     heading: HeadingState = field(default_factory=HeadingState)
     track: Track = field(default_factory=Track)
     walking: float = 0.0
+    heard: Time = 0
 
 
 class ControllerService(Service):
@@ -61,6 +77,7 @@ class ControllerService(Service):
     target = Input(topics.PUSH_TARGET)
     behaviour = Input(topics.PUSH_BEHAVIOUR)
     response = Input(topics.PUSH_RESPONSE)
+    push = Input(topics.PUSH_STATUS, Delivery.LATEST)
     command = Output(topics.COMMAND)
     tick = Timer(lambda config: 1 / config.rate)
 
@@ -81,6 +98,16 @@ class ControllerService(Service):
     def prepare(self, corridor: Corridor, now: Time) -> None:
         """Make a new corridor ready for look-up."""
         self._take(corridor)
+
+    @on(goal)
+    def begin(self, goal: PushGoal, now: Time) -> None:
+        """Take note of news from the task."""
+        self.state.heard = now
+
+    @on(push)
+    def news(self, push: PushStatus, now: Time) -> None:
+        """Take note of news from the task: who does not hear that a push has ended would go on with it."""
+        self.state.heard = now
 
     @on(robot)
     def localised(self, robot: RobotPose, now: Time) -> None:
@@ -139,6 +166,9 @@ class ControllerService(Service):
         if corridor is None or target is None or behaviour is None or not goal.active:
             return False
         if corridor.goal_id != goal.id or not corridor.found or target.corridor_version != corridor.version:
+            return False
+        ended = self.push is not None and self.push.goal_id == goal.id and self.push.phase == PushPhase.ENDED
+        if ended or now - self.state.heard > nanoseconds(self.config.silence):
             return False
         oldest = min(robot.stamp, object.stamp)
         coincide = object.position == target.target
