@@ -138,12 +138,11 @@ class PushTarget(_message.Message):
     def __init__(self, stamp: _Optional[int] = ..., corridor_version: _Optional[int] = ..., target: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., object: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., push_position: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., strategy: _Optional[str] = ..., fallback: _Optional[bool] = ..., distance_to_go: _Optional[float] = ..., plan: _Optional[_Union[PushPlan, _Mapping]] = ...) -> None: ...
 
 class PushPlan(_message.Message):
-    __slots__ = ("ahead", "bias", "speed", "side", "back", "cost", "object_path", "robot_path", "speed_full", "approach", "slowest", "margin", "body", "stand", "lean")
+    __slots__ = ("ahead", "bias", "speed", "side", "cost", "object_path", "robot_path", "speed_full", "approach", "slowest", "margin", "body", "stand", "lean")
     AHEAD_FIELD_NUMBER: _ClassVar[int]
     BIAS_FIELD_NUMBER: _ClassVar[int]
     SPEED_FIELD_NUMBER: _ClassVar[int]
     SIDE_FIELD_NUMBER: _ClassVar[int]
-    BACK_FIELD_NUMBER: _ClassVar[int]
     COST_FIELD_NUMBER: _ClassVar[int]
     OBJECT_PATH_FIELD_NUMBER: _ClassVar[int]
     ROBOT_PATH_FIELD_NUMBER: _ClassVar[int]
@@ -158,7 +157,6 @@ class PushPlan(_message.Message):
     bias: float
     speed: float
     side: float
-    back: float
     cost: float
     object_path: _geometry_pb2.Polyline
     robot_path: _geometry_pb2.Polyline
@@ -169,7 +167,7 @@ class PushPlan(_message.Message):
     body: float
     stand: float
     lean: float
-    def __init__(self, ahead: _Optional[float] = ..., bias: _Optional[float] = ..., speed: _Optional[float] = ..., side: _Optional[float] = ..., back: _Optional[float] = ..., cost: _Optional[float] = ..., object_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., robot_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., speed_full: _Optional[float] = ..., approach: _Optional[float] = ..., slowest: _Optional[float] = ..., margin: _Optional[float] = ..., body: _Optional[float] = ..., stand: _Optional[float] = ..., lean: _Optional[float] = ...) -> None: ...
+    def __init__(self, ahead: _Optional[float] = ..., bias: _Optional[float] = ..., speed: _Optional[float] = ..., side: _Optional[float] = ..., cost: _Optional[float] = ..., object_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., robot_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., speed_full: _Optional[float] = ..., approach: _Optional[float] = ..., slowest: _Optional[float] = ..., margin: _Optional[float] = ..., body: _Optional[float] = ..., stand: _Optional[float] = ..., lean: _Optional[float] = ...) -> None: ...
 
 class PushResponse(_message.Message):
     __slots__ = ("stamp", "contour", "response", "touches", "windows", "error", "prior_error")

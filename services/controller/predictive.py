@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,11 +35,6 @@ def command(
     manoeuvre = np.empty(MANOEUVRE)
     planning.manoeuvre_of(lane.path, SPACING, index, state, row, settings, manoeuvre)
     ux, uy, walking = wish(state, contour, manoeuvre, walking)
-    if plan.back > 0.0:
-        dx, dy = state[RX] - state[X], state[RY] - state[Y]
-        distance = math.hypot(dx, dy) + 1e-9
-        speed = plan.speed_full * plan.speed
-        ux, uy = speed * dx / distance, speed * dy / distance
     grid = corridor.field
     kept = min(plan.margin, 0.3 * max(float(lane.width[index]), 0.0))
     u = inside(

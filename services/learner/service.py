@@ -30,7 +30,7 @@ from services.predictive.experience import Experience
 from services.predictive.model import YAW
 from services.predictive.situation import base_of
 
-_SAME_TIME = 20_000_000
+_MOST_PENDING = 8
 
 
 @dataclass
@@ -43,6 +43,7 @@ class LearnerState:
     samples: int = 0
     experience: Experience | None = None
     track: Track = field(default_factory=Track)
+    pending: list[tuple[int, float, float, float]] = field(default_factory=list)
 
 
 class LearnerService(Service):
@@ -52,8 +53,8 @@ class LearnerService(Service):
     Config = LearnerConfig
 
     goal = Input(topics.PUSH_GOAL)
-    robot = Input(topics.ROBOT_POSE)
-    object = Input(topics.OBJECT_STATE)
+    robot = Input(topics.ROBOT_POSE, Delivery.RELIABLE)
+    object = Input(topics.OBJECT_STATE, Delivery.RELIABLE)
     command = Input(topics.COMMAND, Delivery.RELIABLE)
     status = Input(topics.STATUS)
     target = Input(topics.PUSH_TARGET)
@@ -100,10 +101,12 @@ class LearnerService(Service):
         o = object.position
         yaw = object.yaw if object.HasField("yaw") else None
         track.object_seen(object.stamp, o.x, o.y, yaw, base, known.contour, known.response)
-        robot = min(track.robots, key=lambda one: abs(one[0] - object.stamp))
-        if abs(robot[0] - object.stamp) < _SAME_TIME:
-            turned = float(track.state[YAW]) if yaw is None else yaw
-            known.observe(object.stamp, (robot[1], robot[2]), (o.x, o.y), turned, base)
+        turned = float(track.state[YAW]) if yaw is None else yaw
+        state.pending = [*state.pending[-_MOST_PENDING:], (object.stamp, o.x, o.y, turned)]
+        # The robot's position of that time may still be on its way.
+        while state.pending and state.pending[0][0] <= track.robots[-1][0]:
+            stamp, x, y, angle = state.pending.pop(0)
+            known.observe(stamp, track.robot_at(stamp), (x, y), angle, base)
         yield self.response(
             PushResponse(
                 stamp=object.stamp,

@@ -72,6 +72,13 @@ class Track:
         """Take a position of the robot."""
         self.robots = [*self.robots[-_REMEMBERED + 1 :], (stamp, x, y, theta)]
 
+    def robot_at(self, stamp: int) -> tuple[float, float]:
+        """Return the robot's position at `stamp`, between the two observations around it."""
+        times = [one[0] - stamp for one in self.robots]
+        x = np.interp(0, times, [one[1] for one in self.robots])
+        y = np.interp(0, times, [one[2] for one in self.robots])
+        return float(x), float(y)
+
     def object_seen(
         self, stamp: int, x: float, y: float, yaw: float | None, base: Array, contour: Array, response: Array
     ) -> None:

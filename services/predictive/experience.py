@@ -110,7 +110,7 @@ class Experience:
         self._touch()
         self.since += 1
         if len(self.rows) == _ROWS and self.since >= _EVERY:
-            self._window()
+            self._window(base)
         if len(self.starts):
             self._think(base)
 
@@ -144,7 +144,7 @@ class Experience:
         self.spread = 0.5 * (self.spread + self.spread.T) + np.diag(np.full(CONTOUR, 1e-8))
         self.touches += 1
 
-    def _window(self) -> None:
+    def _window(self, base: Array) -> None:
         """Keep the newest rows as a window if the object was near the robot, or moved."""
         stamps = np.array([row[0] - self.rows[-1][0] for row in self.rows]) * 1e-9
         seen = np.array([row[1:] for row in self.rows])
@@ -158,9 +158,13 @@ class Experience:
         end, _ = _line(rows[-2 * _TRAIL - 1 :])
         gaps = np.hypot(*(own[:, 0:2] - own[:, 2:4]).T)
         travel = math.hypot(*(own[-1, 2:4] - own[0, 2:4]))
-        if gaps.min() > self.contour[0] + _NEAR or (travel < _MOVED and gaps.min() > self.contour[0]):
+        if gaps.min() > self.contour[0] + _NEAR:
             return
         start = np.array([*pose[2:5], *velocity[2:5]])
+        # What lay still and was to lie still teaches nothing, and would crowd out what does.
+        expected = _carried(self.response, own[:, 0:2].copy(), start, base, self.contour)
+        if travel < _MOVED and math.hypot(expected[0] - start[0], expected[1] - start[1]) < _MOVED:
+            return
         self.robots = np.concatenate([self.robots[-_WINDOWS + 1 :], own[None, :, 0:2]])
         self.starts = np.concatenate([self.starts[-_WINDOWS + 1 :], start[None]])
         self.ends = np.concatenate([self.ends[-_WINDOWS + 1 :], end[None, 2:5]])
@@ -193,9 +197,9 @@ def median_error(response: Array, robots: Array, starts: Array, ends: Array, bas
     return float(np.median(misses))
 
 
-@njit("UniTuple(f8,2)(f8[::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[::1])", cache=True)
-def _miss(response: Array, robots: Array, start: Array, end: Array, base: Array, contour: Array) -> tuple[float, float]:
-    """Return how far, m, and rad, the object is predicted off the end of a window."""
+@njit("f8[::1](f8[::1],f8[:,::1],f8[::1],f8[::1],f8[::1])", cache=True)
+def _carried(response: Array, robots: Array, start: Array, base: Array, contour: Array) -> Array:
+    """Return the object's pose, (3,), at the end of a window as `response` has it."""
     state = np.zeros(STATE)
     state[X], state[Y], state[YAW] = start[0], start[1], start[2]
     state[VX], state[VY], state[OMEGA] = start[3], start[4], start[5]
@@ -207,8 +211,15 @@ def _miss(response: Array, robots: Array, start: Array, end: Array, base: Array,
         state[RVX] = (robots[after, 0] - robots[before, 0]) / duration
         state[RVY] = (robots[after, 1] - robots[before, 1]) / duration
         answer(state, _STEP, base, contour, response)
-    dx, dy = state[X] - end[0], state[Y] - end[1]
-    return math.sqrt(dx * dx + dy * dy), abs(wrapped(state[YAW] - end[2]))
+    return state[:3].copy()
+
+
+@njit("UniTuple(f8,2)(f8[::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[::1])", cache=True)
+def _miss(response: Array, robots: Array, start: Array, end: Array, base: Array, contour: Array) -> tuple[float, float]:
+    """Return how far, m, and rad, the object is predicted off the end of a window."""
+    pose = _carried(response, robots, start, base, contour)
+    dx, dy = pose[0] - end[0], pose[1] - end[1]
+    return math.sqrt(dx * dx + dy * dy), abs(wrapped(pose[2] - end[2]))
 
 
 @njit("f8(f8[::1],f8[::1],f8[:,:,::1],f8[:,::1],f8[:,::1],f8[::1],f8[::1])", cache=True)

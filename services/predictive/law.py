@@ -29,7 +29,6 @@ RING = 0.045
 GAIN = 1.6
 _STEER_MOST = 1.1
 _RADIAL_GAIN = 3.0
-_NEAR = 0.5
 _RIDGE = 0.2
 
 
@@ -67,8 +66,7 @@ def wish(state: Array, contour: Array, manoeuvre: Array, walking: float) -> tupl
         inward, around = speed * math.cos(steer), -speed * math.sin(steer)
         return -inward * ex - around * ey, -inward * ey + around * ex, walking
     way = -1.0 if error > 0.0 else 1.0
-    # Close to the end the shorter way is the only one that makes sense.
-    if manoeuvre[SIDE] != 0.0 and abs(error) > _NEAR * math.pi:
+    if manoeuvre[SIDE] != 0.0:
         way = manoeuvre[SIDE]
     outward = min(max(_RADIAL_GAIN * (RING - gap), -speed), speed)
     # In touch, first away: a robot that slides along the object turns it.

@@ -1,8 +1,8 @@
 """Short-horizon planning: rolls candidates out in the forward model and takes the cheapest.
 
 A candidate is a closed loop: where on the path the object is to be pushed next, the bias of the bearing, the speed, the
-way around, and whether to step back first. The object's and the robot's depth in the corridor are part of the cost, so
-that what leaves the corridor never wins while something else does not.
+way around, or a place of the body to push at first. The object's and the robot's depth in the corridor are part of the
+cost, so that what leaves the corridor never wins while something else does not.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from services.predictive.law import (
     wish,
     wrapped,
 )
-from services.predictive.model import ACCELERATION, RX, RY, X, Y, step
+from services.predictive.model import ACCELERATION, RVX, RVY, RX, RY, X, Y, step
 
 Array = NDArray[np.float64]
 
 STEP = 0.05
-AHEAD, BIAS_OF, SPEED_OF, SIDE_OF, BACK, BODY_OF, STAND_OF, LEAN_OF, CANDIDATE = range(9)
-"""Places in a candidate: m along the path to its target, rad, share of the full speed, way around, s to step back; s to
-push at a place of the body first, its bearing, rad, object's frame, and the push's direction from the centre's, rad."""
+AHEAD, BIAS_OF, SPEED_OF, SIDE_OF, BODY_OF, STAND_OF, LEAN_OF, CANDIDATE = range(8)
+"""Places in a candidate: m along the path to its target, rad, share of the full speed, way around; s to push at a
+place of the body first, its bearing, rad, object's frame, and the push's direction from the centre's, rad."""
 
 HORIZON, SPEED_FULL, APPROACH, SLOWEST, MARGIN, PRECISION, SETTINGS = range(7)
 """Places in the settings: s; m/s; m/s^2 of the approach to the goal; m/s; m kept from the edge; m."""
@@ -46,20 +46,26 @@ _TERMINAL = 2.5
 _RELOCATION = 0.12
 _ROOM = 0.04
 _BODY = 0.8
+_FINE = 2.0
+_COARSE = 0.1
+_STILL = 0.04
+_TIME = 0.15
+_CHANGE = 0.03
+_BLOCKED = 3.0
 
 
 def candidates() -> Array:
     """Return the candidates, (N, CANDIDATE)."""
     rows: list[tuple[float, ...]] = []
     for ahead in (0.1, 0.3, 0.6, 1.0):
-        rows += [(ahead, bias, 1.0, 0.0, 0.0) for bias in (0.0, -0.25, 0.25, -0.55, 0.55)]
-        rows.append((ahead, 0.0, 0.5, 0.0, 0.0))
+        rows += [(ahead, bias, 1.0, 0.0) for bias in (0.0, -0.25, 0.25, -0.55, 0.55)]
+        rows.append((ahead, 0.0, 0.5, 0.0))
         for side in (-1.0, 1.0):
-            rows.append((ahead, 0.0, 1.0, side, 0.0))
-            rows.append((ahead, 0.0, 1.0, side, 0.6))
+            rows.append((ahead, 0.0, 1.0, side))
+            rows.append((ahead, 0.5 * side, 1.0, side))
     rows = [(*row, 0.0, 0.0, 0.0) for row in rows]
     for stand in np.arange(12) * math.pi / 6:
-        rows += [(0.3, 0.0, 0.7, 0.0, 0.0, _BODY, float(stand), lean) for lean in (-0.5, 0.0, 0.5)]
+        rows += [(0.3, 0.0, 0.7, 0.0, _BODY, float(stand), lean) for lean in (-0.5, 0.0, 0.5)]
     return np.array(rows)
 
 
@@ -110,26 +116,25 @@ def rollout(
     """Return the cost of a candidate; writes (object, robot) positions to `trace` (steps, 4), as far as it reaches."""
     state = start.copy()
     manoeuvre = np.empty(MANOEUVRE)
-    steps = int(settings[HORIZON] / STEP)
+    steps = int(_FINE / STEP) + int((settings[HORIZON] - _FINE) / _COARSE)
     last = len(path) - 1
     cost, left, error = 0.0, 0.0, 0.0
     deceleration = 0.8 * base[ACCELERATION]
     pushed = 0.0
+    time, dt = 0.0, STEP
     for k in range(steps):
+        dt = STEP if time < _FINE - 1e-6 else _COARSE
         index = advance(path, index, state[X], state[Y])
         manoeuvre_of(path, spacing, index, state, candidate, settings, manoeuvre)
         if manoeuvre[BODY] == 1.0 and pushed >= candidate[BODY_OF]:
             manoeuvre[BODY] = 0.0
         ux, uy, walking = wish(state, contour, manoeuvre, walking)
         if walking == 0.0:
-            pushed += STEP
-        if k * STEP < candidate[BACK]:
-            dx, dy = state[RX] - state[X], state[RY] - state[Y]
-            d = math.sqrt(dx * dx + dy * dy) + 1e-9
-            ux, uy = manoeuvre[SPEED] * dx / d, manoeuvre[SPEED] * dy / d
+            pushed += dt
         kept = min(settings[MARGIN], 0.3 * max(width[index], 0.0))
         ux, uy = inside(values, x0, y0, resolution, state[RX], state[RY], ux, uy, deceleration, kept)
-        step(state, ux, uy, STEP, base, contour, response)
+        step(state, ux, uy, dt, base, contour, response)
+        time += dt
         qx, qy = state[X] - path[index, 0], state[Y] - path[index, 1]
         lateral = math.sqrt(qx * qx + qy * qy)
         left = (last - index) * spacing + lateral
@@ -144,16 +149,19 @@ def rollout(
         needed = min(contour[0] + _ROOM, 0.75 * max(width[index], 0.0))
         if depth < needed:
             short = needed - depth
-            cost += STEP * _NEAR_EDGE * short * (0.1 + short)
+            cost += dt * _NEAR_EDGE * short * (0.1 + short)
         if depth < 0.0:
-            cost += _OUT * STEP
+            cost += _OUT * dt
         if lookup(values, x0, y0, resolution, state[RX], state[RY]) < 0.0:
-            cost += _OUT * STEP
-        cost += STEP * left
+            cost += _OUT * dt
+        cost += dt * (left + _TIME)
     if left > 0.0:
         bearing = math.atan2(state[RY] - state[Y], state[RX] - state[X])
         behind = math.atan2(state[Y] - manoeuvre[TARGET_Y], state[X] - manoeuvre[TARGET_X])
         error = abs(wrapped(bearing - behind))
+        # Who stands still at the end has run into the corridor's edge: that is no place to wait.
+        if state[RVX] * state[RVX] + state[RVY] * state[RVY] < _STILL * _STILL:
+            cost += _BLOCKED
     return cost + _TERMINAL * (left + _RELOCATION * error)
 
 
@@ -179,7 +187,8 @@ def choose(
             path, width, spacing, index, values, x0, y0, resolution, nothing,
         )  # fmt: skip
         if i == favourite:
-            cost *= 0.97
+            # On the way around, half-heartedness costs most: what is begun is finished unless much is to be gained.
+            cost = (0.9 if walking == 1.0 else 0.97) * cost - _CHANGE
         if cost < cheapest:
             best, cheapest = i, cost
     return float(best), cheapest

@@ -13,12 +13,13 @@ from services.geometry.wire import polyline
 from services.predictive import plan
 from services.predictive.estimate import Track
 from services.predictive.law import MANOEUVRE, TARGET_X, TARGET_Y
-from services.predictive.model import X, Y
+from services.predictive.model import ANISOTROPY, X, Y
 from services.predictive.situation import SPACING, Lane
 from services.strategy.config import PredictiveConfig
 
 Array = NDArray[np.float64]
 
+_WHEELS = 0.7
 _CANDIDATES = plan.candidates()
 
 
@@ -45,13 +46,23 @@ def choose(
     base: Array,
     contour: Array,
     response: Array,
+    windows: int,
     precision: float,
     now: int,
 ) -> tuple[Array, PushPlan]:
-    """Return the target t, (2,), and the plan that it belongs to."""
+    """Return the target t, (2,), and the plan that it belongs to.
+
+    Args:
+        windows: how many observations of the response there are.
+        precision: m. now: ns, when the plan takes effect.
+    """
     start = state.track.at(now, base, contour, response)
     settings = np.empty(plan.SETTINGS)
-    settings[[plan.HORIZON, plan.SPEED_FULL, plan.APPROACH]] = config.horizon, config.speed, config.approach
+    # Slower while the object is a stranger, and with wheels, which roll on.
+    rolls = abs(response[ANISOTROPY]) > _WHEELS
+    speed = config.speed * (config.caution if rolls or windows < config.acquainted else 1.0)
+    approach = config.approach * (config.caution**2 if rolls else 1.0)
+    settings[[plan.HORIZON, plan.SPEED_FULL, plan.APPROACH]] = config.horizon, speed, approach
     settings[[plan.SLOWEST, plan.MARGIN, plan.PRECISION]] = config.slowest, config.margin, 0.6 * precision
     distances = np.hypot(lane.path[:, 0] - start[X], lane.path[:, 1] - start[Y])
     index = int(np.argmin(distances))
@@ -63,7 +74,7 @@ def choose(
     )  # fmt: skip
     state.favourite = int(best)
     row = _CANDIDATES[state.favourite]
-    trace = np.zeros((int(config.horizon / plan.STEP), 4))
+    trace = np.zeros((int(config.horizon / plan.STEP) + 1, 4))
     plan.rollout(
         start, state.walking, row, base, contour, response, settings,
         lane.path, lane.width, SPACING, index, *where, trace,
@@ -76,15 +87,14 @@ def choose(
         bias=row[plan.BIAS_OF],
         speed=row[plan.SPEED_OF],
         side=row[plan.SIDE_OF],
-        back=row[plan.BACK],
         body=row[plan.BODY_OF],
         stand=row[plan.STAND_OF],
         lean=row[plan.LEAN_OF],
         cost=cost,
         object_path=polyline(shown[:, :2]),
         robot_path=polyline(shown[:, 2:]),
-        speed_full=config.speed,
-        approach=config.approach,
+        speed_full=speed,
+        approach=approach,
         slowest=config.slowest,
         margin=config.margin,
     )

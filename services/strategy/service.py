@@ -126,9 +126,10 @@ class StrategyService(Service):
         yaw = object.yaw if object.HasField("yaw") else None
         planner.track.object_seen(object.stamp, o[0], o[1], yaw, base, contour, response)
         config = self.config.predictive
+        windows = 0 if self.response is None else self.response.windows
         then = now + nanoseconds(config.lead)
         t, plan = predictive.choose(
-            planner, config, self._geometry, self._lane, base, contour, response, goal.precision, then
+            planner, config, self._geometry, self._lane, base, contour, response, windows, goal.precision, then
         )
         p = push_position(o, t, corridor.robot_diameter, object.diameter, t - o)
         yield self.target(
