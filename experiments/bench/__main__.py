@@ -1,12 +1,12 @@
-"""Prints the benchmarks: `python -m experiments.bench [spine] [bus] [live]`."""
+"""Prints the benchmarks: `python -m experiments.bench [spine] [bus] [live] [predictive]`."""
 
 from __future__ import annotations
 
 import sys
 
-from experiments.bench import bus, live, spine
+from experiments.bench import bus, live, predictive, spine
 
-BENCHES = {"spine": spine.main, "bus": bus.main, "live": live.main}
+BENCHES = {"spine": spine.main, "bus": bus.main, "live": live.main, "predictive": predictive.main}
 
 
 def main() -> int:

@@ -9,7 +9,7 @@ from runtime.messages import PushPlan
 from services.geometry.corridor import CorridorGeometry
 from services.predictive import plan as planning
 from services.predictive.law import MANOEUVRE, inside, wish
-from services.predictive.model import ACCELERATION, RX, RY, X, Y
+from services.predictive.model import ACCELERATION, X, Y
 from services.predictive.situation import SPACING, Lane
 
 Array = NDArray[np.float64]
@@ -39,6 +39,6 @@ def command(
     kept = min(plan.margin, 0.3 * max(float(lane.width[index]), 0.0))
     u = inside(
         grid.values, float(grid.origin[0]), float(grid.origin[1]), grid.resolution,
-        state[RX], state[RY], ux, uy, 0.8 * base[ACCELERATION], kept,
+        state, ux, uy, base[ACCELERATION], kept,
     )  # fmt: skip
     return np.array(u), walking

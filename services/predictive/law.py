@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from services.geometry.field import lookup, slope
-from services.predictive.model import RX, RY, YAW, X, Y, radius
+from services.predictive.model import RVX, RVY, RX, RY, YAW, X, Y, radius
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,7 @@ GAIN = 1.6
 _STEER_MOST = 1.1
 _RADIAL_GAIN = 3.0
 _RIDGE = 0.2
+_AHEAD = 0.15
 
 
 @njit("f8(f8)", cache=True)
@@ -75,16 +76,18 @@ def wish(state: Array, contour: Array, manoeuvre: Array, walking: float) -> tupl
     return outward * ex - around * ey, outward * ey + around * ex, walking
 
 
-@njit("UniTuple(f8,2)(f8[:,::1],f8,f8,f8,f8,f8,f8,f8,f8,f8)", cache=True)
+@njit("UniTuple(f8,2)(f8[:,::1],f8,f8,f8,f8[::1],f8,f8,f8,f8)", cache=True)
 def inside(
     values: Array, x0: float, y0: float, resolution: float,
-    x: float, y: float, ux: float, uy: float, deceleration: float, margin: float,
+    state: Array, ux: float, uy: float, acceleration: float, margin: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Return the velocity changed as little as lets the robot at (x, y) stop before the corridor's edge.
+    """Return the velocity changed as little as lets the robot stop before the corridor's edge.
 
-    Outward at most sqrt(2 deceleration depth), and at most depth / 0.4 s where that is less; inward at least where
-    it stands outside of the margin.
+    Judged where its velocity takes it within the lag of the base. Outward at most sqrt(a depth), half of what the
+    base could brake from, since a ramp that also turns brakes less; at most depth / 0.5 s where that is less; inward
+    at least where it stands outside of the margin.
     """
+    x, y = state[RX] + _AHEAD * state[RVX], state[RY] + _AHEAD * state[RVY]
     depth = lookup(values, x0, y0, resolution, x, y) - margin
     gx, gy = slope(values, x0, y0, resolution, x, y)
     norm = math.sqrt(gx * gx + gy * gy)
@@ -92,7 +95,7 @@ def inside(
         return ux, uy
     nx, ny = gx / norm, gy / norm
     outward = -(ux * nx + uy * ny)
-    allowed = min(math.sqrt(2.0 * deceleration * depth), 2.0 * depth) if depth > 0.0 else max(2.0 * depth, -0.15)
+    allowed = min(math.sqrt(acceleration * depth), 2.0 * depth) if depth > 0.0 else max(2.0 * depth, -0.15)
     if outward <= allowed:
         return ux, uy
     return ux + (outward - allowed) * nx, uy + (outward - allowed) * ny

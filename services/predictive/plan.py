@@ -119,7 +119,6 @@ def rollout(
     steps = int(_FINE / STEP) + int((settings[HORIZON] - _FINE) / _COARSE)
     last = len(path) - 1
     cost, left, error = 0.0, 0.0, 0.0
-    deceleration = 0.8 * base[ACCELERATION]
     pushed = 0.0
     time, dt = 0.0, STEP
     for k in range(steps):
@@ -132,7 +131,7 @@ def rollout(
         if walking == 0.0:
             pushed += dt
         kept = min(settings[MARGIN], 0.3 * max(width[index], 0.0))
-        ux, uy = inside(values, x0, y0, resolution, state[RX], state[RY], ux, uy, deceleration, kept)
+        ux, uy = inside(values, x0, y0, resolution, state, ux, uy, base[ACCELERATION], kept)
         step(state, ux, uy, dt, base, contour, response)
         time += dt
         qx, qy = state[X] - path[index, 0], state[Y] - path[index, 1]
