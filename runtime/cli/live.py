@@ -139,7 +139,7 @@ def record(
         ),
     ] = None,
     topics: Annotated[
-        list[str] | None, typer.Option("--topics", metavar="GLOB", help="Only these topics; journals always.")
+        list[str] | None, typer.Option("--topics", metavar="GLOB", help="Only these topics: to look at, not to replay.")
     ] = None,
     split: Annotated[
         str, typer.Option(metavar="SIZE|TIME", help="Begin a new part after 200MB, 60s, 10min.", show_default="never")
@@ -150,7 +150,7 @@ def record(
     """Record a running system, from any machine of it, until Ctrl-C.
 
     Every file, also every part of one that is split, begins with the latched values and a snapshot of every service,
-    so that it replays by itself.
+    so that it replays by itself, unless --topics left something out.
     """
     from runtime.live.deck import default_name
     from runtime.live.record import record as work
@@ -173,7 +173,7 @@ def start(
         str, typer.Argument(help="Of the file, without a folder.", show_default="ROBOT-DATE-TIME.mcap")
     ] = "",
     topics: Annotated[
-        list[str] | None, typer.Option("--topics", metavar="GLOB", help="Only these topics; journals always.")
+        list[str] | None, typer.Option("--topics", metavar="GLOB", help="Only these topics: to look at, not to replay.")
     ] = None,
     split: Annotated[
         str, typer.Option(metavar="SIZE|TIME", help="Begin a new part after this.", show_default="as [live] split says")

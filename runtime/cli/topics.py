@@ -166,6 +166,7 @@ def nodes(config: ConfigFile = None, assignments: Assignments = None) -> None:
     """List the services that are up, with what they report of themselves."""
     from runtime.bus.keys import Keys
     from runtime.bus.session import client
+    from runtime.live.tape import RECORDER
     from runtime.messages import Health
 
     bus = bus_of(config, assignments)
@@ -183,13 +184,18 @@ def nodes(config: ConfigFile = None, assignments: Assignments = None) -> None:
         subscriber.undeclare()
     for name in sorted(alive):
         health = newest.get(name)
+        if name == RECORDER:
+            typer.echo(f"{name:<12} up; pushlane recording status says whether it records")
+            continue
         if health is None:
             typer.echo(f"{name:<12} up, no health report")
             continue
-        lost = sum(row.dropped + row.lost + row.refused for row in health.inputs)
+        # Dropped is no fault: a newer position came before it was handled.
+        dropped = sum(row.dropped for row in health.inputs)
+        lost = sum(row.lost + row.refused for row in health.inputs)
         typer.echo(
             f"{name:<12} up, {health.handled} events a second, handler {1000 * health.busy_mean:.2f} ms mean, "
-            f"{1000 * health.busy_max:.2f} ms longest, queue {health.queue_length}, dropped {lost}"
+            f"{1000 * health.busy_max:.2f} ms longest, queue {health.queue_length}, dropped {dropped}, lost {lost}"
         )
     if not alive:
         typer.echo(f"no service of robot '{bus.robot}' is up; another robot is named by --set bus.robot=NAME")

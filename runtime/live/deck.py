@@ -178,6 +178,8 @@ class Deck:
         if Path(name).name != name or name in {".", ".."}:
             raise Refused(f"'{name}' is no plain file name: recordings go to the folder that [live] recordings names")
         path = Path(self._live.recordings) / (name if name.endswith(".mcap") else f"{name}.mcap")
+        if path.exists():
+            raise Refused(f"{path} is there already: choose another name")
         Split.parse(wanted.split)
         return _Order(str(path), list(wanted.topics), wanted.split or self._live.split)
 

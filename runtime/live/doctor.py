@@ -21,8 +21,8 @@ from runtime.live.finding import Finding, Grade
 from runtime.live.hosts import HostAnswer, all_versions, ask_hosts
 from runtime.live.record import NoSystem, ask_for_plan
 from runtime.live.watch import Tally
-from runtime.messages import Health, PushPhase, PushStatus
-from runtime.topics import COMMAND, PUSH_STATUS, TOPICS
+from runtime.messages import Health, PushGoal, PushPhase, PushStatus
+from runtime.topics import COMMAND, PUSH_GOAL, PUSH_RESPONSE, PUSH_STATUS, TOPICS
 
 _PATIENCE = 2.0
 _OFFSET, _JUMP = 0.05, 0.1
@@ -38,51 +38,54 @@ def examine(bus: BusConfig, duration: float) -> list[Finding]:
     reached = not any(one.grade is Grade.FAIL for one in findings)
     try:
         with client(bus, patience=_PATIENCE) as session:
-            return [*findings, *_examine_running(session, Keys(bus.robot), duration)]
+            return [*findings, *_examine_running(session, bus, duration)]
     except BadCertificate:
         return findings  # said already
     except NoBus as error:
         remedy = "start it: pushlane run SYSTEM.toml; or set bus.connect, in --config or --set, to where it runs"
-        if reached:
+        if reached and bus.tls is not None:
+            remedy = "make certificates of all machines in the same folder, with the names that they are called by"
+        elif reached:
             remedy = (
                 "something else listens there (ss -ltnp says what), or it does not speak Zenoh: choose another port"
             )
         return [*findings, Finding(Grade.FAIL, "system", str(error).partition(";")[0], remedy)]
 
 
-def _examine_running(session: zenoh.Session, keys: Keys, duration: float) -> list[Finding]:
+def _examine_running(session: zenoh.Session, bus: BusConfig, duration: float) -> list[Finding]:
+    keys = Keys(bus.robot)
     try:
         nodes = ask_for_plan(session, keys, patience=_PATIENCE).nodes
     except NoSystem as error:
-        return [
-            Finding(
-                Grade.FAIL, "system", str(error), "is it another robot? --set bus.robot=NAME; else start pushlane run"
-            )
-        ]
+        remedy = "is it another robot? --set bus.robot=NAME; else start pushlane run"
+        if bus.tls is not None:
+            remedy += "; or your certificate is in no list of the robot's [bus.access]"
+        return [Finding(Grade.FAIL, "system", str(error), remedy)]
     alive = [
         str(reply.ok.key_expr).rpartition("/")[2]
         for reply in session.liveliness().get(keys.node("*"), timeout=2.0)
         if reply.ok is not None
     ]
     answers = ask_hosts(session, keys)
-    tally, health, status = _listen(session, keys, duration)
+    tally, health, statuses, goal = _listen(session, keys, duration)
     return [
         *services(nodes, alive),
         *versions(all_versions(), answers),
         *clocks(answers),
         *disks(answers),
-        *rates(tally, nodes, alive, status),
+        *rates(tally, nodes, alive, statuses, goal),
         *healths(health),
     ]
 
 
 def _listen(
     session: zenoh.Session, keys: Keys, duration: float
-) -> tuple[Tally, dict[str, tuple[Health, Health]], PushStatus]:
-    """Return what came, the first and last health message of each node, and the newest status of the push."""
+) -> tuple[Tally, dict[str, tuple[Health, Health]], list[PushStatus], PushGoal]:
+    """Return what came, the first and last health message of each node, how the push went, and its newest goal."""
     tally = Tally()
     health: dict[str, tuple[Health, Health]] = {}
-    statuses = [PushStatus()]
+    statuses: list[PushStatus] = []
+    goal = PushGoal()
 
     def hear(sample: zenoh.Sample) -> None:
         topic, payload = keys.name(str(sample.key_expr)), bytes(sample.payload)
@@ -93,6 +96,8 @@ def _listen(
                 health[found.node] = (health.get(found.node, (found, found))[0], found)
             elif topic == PUSH_STATUS.name:
                 statuses.append(PushStatus.FromString(payload))
+            elif topic == PUSH_GOAL.name:
+                goal.ParseFromString(payload)
         except DecodeError:
             return  # the rates say that something came
 
@@ -101,7 +106,7 @@ def _listen(
     time.sleep(duration)
     subscriber.undeclare()
     tally.seconds = time.monotonic() - begin
-    return tally, health, statuses[-1]
+    return tally, health, statuses, goal
 
 
 def services(nodes: Sequence[str], alive: Sequence[str]) -> list[Finding]:
@@ -170,10 +175,23 @@ def disks(answers: Sequence[HostAnswer]) -> list[Finding]:
     return found
 
 
-def rates(tally: Tally, nodes: Sequence[str], alive: Sequence[str], status: PushStatus) -> list[Finding]:
-    """Return the topics of these nodes that come too seldom by the table of topics, and those that nobody publishes."""
+def rates(
+    tally: Tally, nodes: Sequence[str], alive: Sequence[str], statuses: Sequence[PushStatus], goal: PushGoal
+) -> list[Finding]:
+    """Return the topics of these nodes that come too seldom by the table of topics, and those that nobody publishes.
+
+    Args:
+        statuses: of the push, in the time that `tally` covers; `goal` is the newest one.
+    """
     publishers = {topic: name for name in nodes for topic in registry.service_class(name).contract.outputs}
-    pushing = status.phase == PushPhase.PUSHING
+    phases = {status.phase for status in statuses}
+    # A push that began or ended meanwhile was too short for its rates.
+    pushing = phases == {PushPhase.PUSHING}
+    excused = set() if pushing else {topic for topic in TOPICS if _only_pushing(topic)}
+    if PushPhase.ENDED in phases:
+        excused.add(PUSH_STATUS.name)  # its last value stays, and is only said again and again
+    if "predictive" not in (goal.strategy, goal.controller):
+        excused.add(PUSH_RESPONSE.name)
     found, good = [], 0
     for topic, row in TOPICS.items():
         publisher = publishers.get(topic)
@@ -181,7 +199,7 @@ def rates(tally: Tally, nodes: Sequence[str], alive: Sequence[str], status: Push
             continue
         measured = tally.rate(topic) if topic in tally.counts else 0.0
         text = f"{measured:.1f} Hz, {row.rate:g} Hz expected"
-        if measured >= _ENOUGH * row.rate or (not pushing and _only_pushing(topic)):
+        if measured >= _ENOUGH * row.rate or topic in excused:
             good += 1
         elif publisher not in alive:
             found.append(Finding(Grade.FAIL, f"topic {topic}", f"{text}: nobody publishes it", f"start '{publisher}'"))

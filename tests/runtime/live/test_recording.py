@@ -378,6 +378,9 @@ def test_the_verbs_record_a_system(tmp_path: Path) -> None:
         assert " recorded to verbs-" in said.splitlines()[-1]
         stopped = pushlane("recording", "stop")
         assert stopped.stdout.startswith(f"not recording; the last was {tmp_path / 'a.mcap'}: "), stopped.stderr
+        there = pushlane("recording", "start", "a")
+        # No advice that this verb does not take.
+        assert (there.returncode, there.stderr.endswith("a.mcap is there already: choose another name\n")) == (2, True)
         none = pushlane("recording", "stop")
         assert (none.returncode, "'recording/stop' was refused: nothing is being recorded" in none.stderr) == (2, True)
     finally:

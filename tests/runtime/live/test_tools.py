@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -23,15 +24,17 @@ from experiments.session import NODES
 from replays.inspect import to_rrd
 from replays.inspect.live import Feed, LiveCanvas, show_live
 from runtime import registry
-from runtime.bus.config import BusConfig, TlsConfig
+from runtime.bus.config import AccessConfig, BusConfig, TlsConfig
+from runtime.bus.session import hub
 from runtime.live import doctor, endpoints
 from runtime.live.finding import Finding, Grade
 from runtime.live.graph import Graph
 from runtime.live.hosts import HostAnswer, HostReport, ask_hosts, offset
 from runtime.live.watch import Tally, Window
-from runtime.messages import Health, InputHealth, PushOutcome, PushPhase, PushStatus
+from runtime.messages import Health, InputHealth, PushGoal, PushOutcome, PushPhase, PushStatus
 from runtime.sample import Sample
 from runtime.topics import TOPICS
+from tests.authority import Authority
 from tests.live_system import free_endpoint, running, short_session
 from tests.replays.inspect.synthetic_session import write_session
 
@@ -141,6 +144,7 @@ def test_the_tools_tell_of_a_running_system(tmp_path: Path, capsys: pytest.Captu
         tree = pushlane(bus, "topics", "graph", "--text", "--for", "1.5", folder=tmp_path).stdout.splitlines()
         dot = pushlane(bus, "topics", "graph", "--for", "1", folder=tmp_path).stdout
         snapshot = pushlane(bus, "snapshot", folder=tmp_path)
+        nodes = pushlane(bus, "nodes", folder=tmp_path).stdout.splitlines()
         bridge.join(20.0)
         assert max(system.launcher.restarts.values()) == 0
         silent = pushlane(bus, "topics", "echo", "wheel/speed", "--for", "1", folder=tmp_path)
@@ -150,6 +154,8 @@ def test_the_tools_tell_of_a_running_system(tmp_path: Path, capsys: pytest.Captu
     assert any(line.startswith("  odometry ") and "Hz -> controller" in line for line in tree), tree
     assert set(NODES) <= {line for line in tree if not line.startswith(" ")}
     assert '"controller" -> "driver" [label="command ' in dot
+    assert [line.split()[0] for line in nodes] == sorted(NODES)
+    assert all(re.search(r"dropped \d+, lost 0$", line) for line in nodes), nodes
     assert {line.split()[0] for line in snapshot.stdout.splitlines()} == set(NODES)
     assert silent.returncode == 1
     assert "no topic is called 'wheel/speed'" in silent.stderr
@@ -185,35 +191,69 @@ def test_doctor_without_a_system_says_so(tmp_path: Path) -> None:
     assert (findings[-1].grade, "something else listens there" in findings[-1].remedy) == (Grade.FAIL, True)
 
 
+def test_doctor_tells_a_wrong_certificate_from_one_without_permission(tmp_path: Path) -> None:
+    place = (free_endpoint().replace("tcp/", "tls/"),)
+    home, foreign = Authority(tmp_path / "home"), Authority(tmp_path / "foreign")
+    own = home.host("robot", "127.0.0.1")
+    access = AccessConfig(hosts={"robot": ("driver",)})
+    with hub(BusConfig(listen=place, connect=place, tls=own, access=access)):
+        refused = doctor.examine(BusConfig(connect=place, tls=foreign.operator("operator")), 0.1)[-1]
+        unheard = doctor.examine(BusConfig(connect=place, tls=home.operator("nobody")), 0.1)[-1]
+    assert (refused.grade, "certificate is not to be believed" in refused.text) == (Grade.FAIL, True)
+    assert refused.remedy.startswith("make certificates of all machines in the same folder")
+    assert (unheard.grade, "no running system" in unheard.text) == (Grade.FAIL, True)
+    assert "no list of the robot's [bus.access]" in unheard.remedy
+
+
 def grades(findings: list[Finding]) -> list[tuple[str, str]]:
     return [(one.grade.name, one.subject) for one in findings]
 
 
 def test_rates_are_held_against_the_table() -> None:
-    tally = Tally(seconds=10.0)
+    tally, predictive = Tally(seconds=10.0), PushGoal(strategy="predictive")
     tally.counts = {name: round(10 * row.rate) for name, row in TOPICS.items() if row.rate}
     # What no service of this system publishes is not missing.
     del tally.counts["truth"]
     without = [name for name in NODES if "truth" not in registry.service_class(name).contract.outputs]
-    assert grades(doctor.rates(tally, without, without, PushStatus())) == [("OK", "rates")]
-    assert ("FAIL", "topic truth") in grades(doctor.rates(tally, NODES, NODES, PushStatus()))
+    assert grades(doctor.rates(tally, without, without, [], predictive)) == [("OK", "rates")]
+    assert ("FAIL", "topic truth") in grades(doctor.rates(tally, NODES, NODES, [], predictive))
     tally.counts["truth"] = 200
-    everything, idle, pushing = list(NODES), PushStatus(phase=PushPhase.IDLE), PushStatus(phase=PushPhase.PUSHING)
-    assert grades(doctor.rates(tally, NODES, everything, pushing)) == [("OK", "rates")]
+    everything, idle, pushing = list(NODES), [PushStatus(phase=PushPhase.IDLE)], [PushStatus(phase=PushPhase.PUSHING)]
+    assert grades(doctor.rates(tally, NODES, everything, pushing, predictive)) == [("OK", "rates")]
     del tally.counts["command"]
-    assert grades(doctor.rates(tally, NODES, everything, idle)) == [("OK", "rates")]
-    assert grades(doctor.rates(tally, NODES, everything, pushing)) == [("FAIL", "topic command"), ("OK", "rates")]
+    assert grades(doctor.rates(tally, NODES, everything, idle, predictive)) == [("OK", "rates")]
+    assert grades(doctor.rates(tally, NODES, everything, pushing, predictive)) == [
+        ("FAIL", "topic command"),
+        ("OK", "rates"),
+    ]
     tally.counts["command"] = 161  # 80.5 %
-    assert grades(doctor.rates(tally, NODES, everything, pushing)) == [("OK", "rates")]
+    assert grades(doctor.rates(tally, NODES, everything, pushing, predictive)) == [("OK", "rates")]
     tally.counts["command"] = 159  # 79.5 %
-    found = doctor.rates(tally, NODES, everything, pushing)
+    found = doctor.rates(tally, NODES, everything, pushing, predictive)
     assert grades(found) == [("WARN", "topic command"), ("OK", "rates")]
     assert "15.9 Hz, 20 Hz expected" in found[0].text
     del tally.counts["odometry"]
-    found = doctor.rates(tally, NODES, [name for name in NODES if name != "driver"], pushing)
+    found = doctor.rates(tally, NODES, [name for name in NODES if name != "driver"], pushing, predictive)
     assert grades(found)[0] == ("FAIL", "topic odometry")
     assert "nobody publishes it" in found[0].text and "'driver'" in found[0].remedy
     assert grades(doctor.services(NODES, NODES[1:])) == [("FAIL", f"service {NODES[0]}")]
+
+
+def test_what_a_push_does_not_do_is_not_missed() -> None:
+    tally, nodes = Tally(seconds=10.0), list(NODES)
+    tally.counts = {name: round(10 * row.rate) for name, row in TOPICS.items() if row.rate}
+    pushing, ended = PushStatus(phase=PushPhase.PUSHING), PushStatus(phase=PushPhase.ENDED)
+    del tally.counts["push/response"]  # only the predictive method learns it
+    strict = PushGoal(strategy="strict", controller="adaptive")
+    assert grades(doctor.rates(tally, NODES, nodes, [pushing], strict)) == [("OK", "rates")]
+    for asked in (PushGoal(strategy="predictive"), PushGoal(controller="predictive")):
+        assert ("FAIL", "topic push/response") in grades(doctor.rates(tally, NODES, nodes, [pushing], asked))
+    # After its end a push only repeats its last status, once a second, and the other topics of a push are silent.
+    tally.counts = {**tally.counts, "push/status": 10}
+    assert ("WARN", "topic push/status") in grades(doctor.rates(tally, NODES, nodes, [pushing], strict))
+    del tally.counts["command"], tally.counts["push/target"]
+    for statuses in ([ended], [pushing, ended]):
+        assert grades(doctor.rates(tally, NODES, nodes, statuses, strict)) == [("OK", "rates")]
 
 
 def answer(ahead: float, uncertainty: float, jump: float = 0.0, **changes: object) -> HostAnswer:
