@@ -41,6 +41,12 @@ def replay(
         Unusable: no such node, or a journal cannot be executed at all.
         Nondeterministic: a service read a clock or the like.
     """
+    only = recording.header.only
+    if only and "*" not in only:
+        raise Unusable(
+            f"{recording.path} holds only the topics {', '.join(only)}: what services consumed is not in it, so they "
+            "cannot be replayed; record without --topics"
+        )
     reasons = platform_differences(recording)
     comparison = Comparison.TOLERANCES if reasons else Comparison.BYTES
     replayed = list(names or recording.header.nodes)

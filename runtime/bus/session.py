@@ -62,7 +62,7 @@ def hub(config: BusConfig) -> Iterator[zenoh.Session]:
 
 
 @contextmanager
-def client(config: BusConfig, patience: float = 10.0) -> Iterator[zenoh.Session]:
+def client(config: BusConfig, patience: float = 3.0) -> Iterator[zenoh.Session]:
     """Open a session that reaches the others through the hub, and finds it again by itself when it was away.
 
     Args:

@@ -34,7 +34,8 @@ app = typer.Typer(
         "Begin with [bold]pushlane sim --seed 1 -o a.mcap[/bold], then [bold]pushlane replay a.mcap[/bold] "
         "and [bold]pushlane inspect a.mcap[/bold]."
     ),
-    epilog="Exit codes: 0 as wished, 1 the answer is no (push failed, replay differs), 2 it could not run.",
+    epilog="Exit codes: 0 as wished, 1 the answer is no (push failed, replay differs), 2 it could not run, "
+    "130 it was interrupted.",
 )
 
 

@@ -26,6 +26,10 @@ class Gaps:
         """Return how many messages never came."""
         return sum(self.missed.values())
 
+    def last(self, topic: str) -> int:
+        """Return the sequence of the newest message of a topic; 0 before the first."""
+        return self._last.get(topic, 0)
+
     def give(self, topic: str, sequence: int) -> None:
         """Learn from a journal that this message was sent: the last of a topic has none after it that shows a gap."""
         self._given[topic] = max(sequence, self._given.get(topic, 0))

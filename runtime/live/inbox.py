@@ -80,7 +80,7 @@ class Inbox(Generic[E]):
             if sequence <= last:
                 count.repeated += 1
                 return ""
-            if not _follows(sequence, last):
+            if not follows(sequence, last):
                 return f"'{topic}' came with the number {sequence} after {last}"
             if last and sequence // INCARNATION == last // INCARNATION:
                 count.lost += sequence - last - 1
@@ -162,7 +162,7 @@ class Arrivals(Generic[E]):
         return self._queue.qsize()
 
 
-def _follows(sequence: int, last: int) -> bool:
+def follows(sequence: int, last: int) -> bool:
     """Return whether `sequence` can come after `last`: a number from nowhere would shut out all real ones."""
     life, number = divmod(sequence, INCARNATION)
     if life > _MOST_LIVES:

@@ -35,6 +35,7 @@ from runtime.live.tape import RECORDER
 
 _START_LIMIT = 60.0
 _ANSWER_LIMIT = 2.0
+_JOIN_PATIENCE = 10.0
 _LOOK_EVERY = 0.05
 _STOP_ORDER_PAUSE = 0.3
 _STOP_LIMIT = 1.5
@@ -130,7 +131,7 @@ class Launcher:
             PlanDiffers: the launcher joins a system with other settings.
         """
         notifier = Notifier()
-        opened = client(self._bus) if self._join else hub(self._bus)
+        opened = client(self._bus, _JOIN_PATIENCE) if self._join else hub(self._bus)
         with TemporaryDirectory(prefix="pushlane-") as folder, opened as session:
             plan_file = Path(folder) / "plan.json"
             plan_file.write_bytes(self._plan.encoded())

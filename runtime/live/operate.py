@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+import queue
 from collections.abc import Callable
 
 import zenoh
@@ -26,11 +26,16 @@ from runtime.messages import (
 
 _ANSWER_LIMIT = 3.0
 _SILENCE_LIMIT = 10.0
+_SILENCES = 3
 _LINE_EVERY = 5.0
 
 
 class Refused(PushlaneError):
     """The service did not take the request; the message is its reason."""
+
+
+class PushLost(PushlaneError):
+    """Nobody says any more how the push goes on."""
 
 
 class NoAnswer(PushlaneError):
@@ -90,20 +95,19 @@ def follow_push(
 
     Raises:
         NoBus, NoAnswer, Refused: see there.
+        PushLost: the system went away, or forgot the push.
     """
     keys = Keys(bus.robot)
-    news: list[PushStatus] = []
-    changed = threading.Event()
-
-    def hear(sample: zenoh.Sample) -> None:
-        news.append(PushStatus.FromString(bytes(sample.payload)))
-        changed.set()
+    news: queue.SimpleQueue[PushStatus] = queue.SimpleQueue()
 
     with client(bus) as session:
-        subscriber = session.declare_subscriber(keys.topic("push/status"), hear)
+        before = _last_goal(session, keys)
+        subscriber = session.declare_subscriber(
+            keys.topic("push/status"), lambda sample: news.put(PushStatus.FromString(bytes(sample.payload)))
+        )
         try:
             _ask(session, keys, "push/goal", goal)
-            status = _follow(news, changed, say, show)
+            status = _follow(_News(session, keys, news, before, say), say, show)
         except KeyboardInterrupt:
             _ask(session, keys, "push/cancel", CancelRequest(reason="cancelled by the operator"))
             say("cancelled")
@@ -118,19 +122,67 @@ def follow_push(
     return status.outcome == PushOutcome.DELIVERED
 
 
-def _follow(
-    news: list[PushStatus],
-    changed: threading.Event,
-    say: Callable[[str], None],
-    show: Callable[[PushStatus, float], None] | None,
-) -> PushStatus:
+def _last_goal(session: zenoh.Session, keys: Keys) -> int:
+    """Return the id of the goal before ours: its last status is told again and again."""
+    for answer in session.get(keys.latched("push/status"), timeout=1.0):
+        if answer.ok is not None:
+            return PushStatus.FromString(bytes(answer.ok.payload)).goal_id
+    return 0
+
+
+class _News:
+    """Gives what is said of our push, and of no other.
+
+    Args:
+        before: id of the goal before ours.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        keys: Keys,
+        heard: queue.SimpleQueue[PushStatus],
+        before: int,
+        say: Callable[[str], None],
+    ) -> None:
+        self._session = session
+        self._keys = keys
+        self._heard = heard
+        self._before = before
+        self._own = 0
+        self._say = say
+
+    def next(self) -> PushStatus:
+        """Wait for the next status.
+
+        Raises:
+            PushLost: there is none to come.
+        """
+        silent = 0
+        while True:
+            try:
+                status = self._heard.get(timeout=_SILENCE_LIMIT)
+            except queue.Empty:
+                silent += 1
+                self._say(f"no news for {silent * _SILENCE_LIMIT:g} s; still waiting")
+                if silent >= _SILENCES and not self._alive():
+                    raise PushLost("the task service is gone: nobody knows how the push went on") from None
+                continue
+            if self._own and status.goal_id != self._own:
+                raise PushLost(f"the system no longer speaks of goal {self._own}, but of {status.goal_id or 'none'}")
+            if status.goal_id > self._before:
+                self._own = status.goal_id
+                return status
+
+    def _alive(self) -> bool:
+        answers = self._session.liveliness().get(self._keys.node("task"), timeout=1.0)
+        return any(answer.ok is not None for answer in answers)
+
+
+def _follow(news: _News, say: Callable[[str], None], show: Callable[[PushStatus, float], None] | None) -> PushStatus:
     said, start = -_LINE_EVERY, 0.0
     while True:
-        if not changed.wait(_SILENCE_LIMIT):
-            say(f"no news for {_SILENCE_LIMIT:g} s; still waiting")
-            continue
-        changed.clear()
-        status = news[-1]
+        status = news.next()
         start = max(start, status.distance_left)
         if show is not None:
             show(status, start)

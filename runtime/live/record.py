@@ -86,7 +86,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     try:
         plan = Plan.read(given.plan)
-        with client(plan.bus()) as session:
+        with client(plan.bus(), _PATIENCE) as session:
             deck = Deck(session, Keys(plan.robot), plan, given.state, given.incarnation)
             deck.run(stop, given.file)
     except PushlaneError as error:

@@ -19,6 +19,7 @@ from runtime.live.plan import Plan
 from runtime.messages import Snapshot
 from runtime.node import Node
 
+_PATIENCE = 15.0
 # Zenoh's threads bring messages while a handler computes: let them in twenty times as often as Python would.
 _SWITCH_INTERVAL = 0.00025
 
@@ -48,7 +49,7 @@ def serve(name: str, plan: Plan, incarnation: int, resume: Path | None) -> None:
     service = kind(msgspec.convert(plan.sections[name], kind.Config))
     live = msgspec.convert(plan.sections.get("live", {}), LiveConfig)
     last = Snapshot.FromString(resume.read_bytes()) if resume is not None else None
-    with client(plan.bus()) as session, Guard() as guard:
+    with client(plan.bus(), _PATIENCE) as session, Guard() as guard:
         host = LiveHost(Node(service, guard), session, Keys(plan.robot), live, incarnation, last)
         stop_on_signals(host)
         host.run()

@@ -24,13 +24,15 @@ from runtime.bus.keys import Keys
 from runtime.errors import PushlaneError
 from runtime.live.clock import Clock
 from runtime.live.gaps import Gaps
+from runtime.live.inbox import follows
 from runtime.live.part import Part, free_name
 from runtime.live.plan import Plan
 from runtime.live.sent import Missing
 from runtime.live.split import Split
 from runtime.messages import EntryKind, Journal, Log, Snapshot
 from runtime.recorder import header
-from runtime.sample import Sample
+from runtime.recorder.schema import message_type
+from runtime.sample import BadMessage, Sample, parse
 from runtime.topics import TOPICS
 
 RECORDER = "recorder"
@@ -106,7 +108,7 @@ class Tape:
         self._patterns = patterns or ("*",)
         self._split = split or Split()
         self._say = say
-        self._header = header.of_this_machine("live", plan.seed, plan.nodes)
+        self._header = header.of_this_machine("live", plan.seed, plan.nodes, list(patterns))
         self._config = plan.config()
         self._clock = Clock()
         self._began = time.monotonic()
@@ -118,6 +120,7 @@ class Tape:
         self._behind: dict[str, tuple[int, int]] = {}
         self._running: list[str] = []
         self.gaps = Gaps()
+        self.refused: dict[str, int] = {}
         self.count = 0
         self.paths = [path]
         self.failure: PushlaneError | None = None
@@ -166,6 +169,8 @@ class Tape:
         for topic, missed in sorted(self.gaps.missed.items()):
             what = "journal entries" if topic.startswith("journal/") else "messages"
             yield f"missed {missed} {what} of '{topic}': log/{RECORDER} says where"
+        for topic, count in sorted(self.refused.items()):
+            yield f"refused {count} of '{topic}', which were no messages"
 
     def _receive(self, sample: zenoh.Sample) -> None:
         topic = self._keys.name(str(sample.key_expr))
@@ -177,7 +182,9 @@ class Tape:
 
     def _ask(self, latched: bool) -> None:
         """Ask for what a part begins with, on a thread: answers may take long, and the messages go on."""
-        threading.Thread(target=self._ask_all, args=(latched,), name="tape-asks", daemon=True).start()
+        thread = threading.Thread(target=self._ask_all, args=(latched,), name="tape-asks", daemon=True)
+        self._asking.append(thread)
+        thread.start()
 
     def _ask_all(self, latched: bool) -> None:
         try:
@@ -253,9 +260,26 @@ class Tape:
                     self._read(sample)
                 self._write(sample)
             self._log(f"{item.text}: {len(item.samples)} messages of these came when asked for", item.time)
-        else:
+        elif not self._refused(item):
             self._note_gap(item)
             self._write(item)
+
+    def _refused(self, sample: Sample) -> bool:
+        """Return whether this is no message of its topic, and count it. A number from nowhere would be a huge gap."""
+        try:
+            kind = message_type(sample.topic)
+        except KeyError:
+            return True  # a key that is no topic of ours
+        try:
+            parse(kind, sample.payload, sample.topic)
+            reason = "" if follows(sample.sequence, self.gaps.last(sample.topic)) else "its number is from nowhere"
+        except BadMessage as error:
+            reason = str(error)
+        if reason and not self.refused.get(sample.topic):
+            self._log(f"'{sample.topic}': what is no message is not recorded, and counted: {reason}"[:300])
+        if reason:
+            self.refused[sample.topic] = self.refused.get(sample.topic, 0) + 1
+        return bool(reason)
 
     def _write(self, sample: Sample) -> None:
         row = TOPICS.get(sample.topic)

@@ -25,6 +25,8 @@ from runtime.messages import Request
 from runtime.node import Node
 from runtime.sample import Sample
 
+_PATIENCE = 10.0
+
 
 class _Stopped(Exception):
     """The scheduler, or a signal, says that it is over."""
@@ -87,7 +89,7 @@ def serve(name: str, bus: BusConfig) -> None:
     keys = Keys(bus.robot)
     registry.service_class(name)  # import before the token says that this worker is ready
     queries: queue.SimpleQueue[zenoh.Query] = queue.SimpleQueue()
-    with client(bus) as session, Guard() as guard:
+    with client(bus, _PATIENCE) as session, Guard() as guard:
         worker = Worker(name, guard)
         queryable = session.declare_queryable(keys.step(name), queries.put)
         token = session.liveliness().declare_token(keys.node(name))

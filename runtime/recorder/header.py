@@ -57,6 +57,7 @@ class Header(msgspec.Struct, frozen=True, kw_only=True):
         host: name of the machine.
         cpu: architecture and the features that numeric libraries choose their code by.
         versions: of Python, the C library and the packages whose numbers end up in payloads.
+        only: patterns of the topics that were recorded; none for all.
     """
 
     format: int
@@ -69,6 +70,7 @@ class Header(msgspec.Struct, frozen=True, kw_only=True):
     host: str
     cpu: list[str]
     versions: dict[str, str]
+    only: list[str] = []
 
     def metadata(self) -> dict[str, str]:
         """Return the header as the flat text pairs that MCAP metadata holds."""
@@ -84,7 +86,7 @@ class Header(msgspec.Struct, frozen=True, kw_only=True):
         return msgspec.convert({name: msgspec.json.decode(text) for name, text in pairs.items()}, cls)
 
 
-def of_this_machine(mode: str, seed: int, nodes: list[str]) -> Header:
+def of_this_machine(mode: str, seed: int, nodes: list[str], only: list[str] | None = None) -> Header:
     """Return the header of a session that starts here and now."""
     commit, dirty = _git()
     return Header(
@@ -98,6 +100,7 @@ def of_this_machine(mode: str, seed: int, nodes: list[str]) -> Header:
         host=platform.node(),
         cpu=cpu_features(),
         versions=versions(),
+        only=only or [],
     )
 
 

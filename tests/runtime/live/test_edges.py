@@ -12,6 +12,9 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 
 from experiments.session import NODES
+from replays import report
+from replays.recording import load
+from replays.replay import replay
 from runtime import registry
 from runtime.bus import envelope
 from runtime.bus.session import client
@@ -76,14 +79,15 @@ def garbage(generator: random.Random, topic: str, known: list[bytes]) -> tuple[b
     return bytes([(generator.randrange(1, 16) << 3) | 7]) + generator.randbytes(20), honest
 
 
-def test_garbage_changes_nothing_and_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_garbage_changes_nothing_and_is_counted(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     consumers: dict[str, list[str]] = {}
     for name in NODES:
         for topic in registry.service_class(name).contract.inputs:
             consumers.setdefault(topic, []).append(name)
     topics = list(consumers)
     generator = random.Random(3)
-    with running(short_session("garbage", goal=[0.3, 0.1], time_limit=120)) as system:
+    path = tmp_path / "garbage.mcap"
+    with running(short_session("garbage", goal=[0.3, 0.1], time_limit=120), path) as system:
         assert system.ask_for_push().accepted
         system.wait(lambda: system.status().phase == PushPhase.PUSHING, 10.0, "pushing")
         time.sleep(1.5)
@@ -119,6 +123,11 @@ def test_garbage_changes_nothing_and_is_counted(capsys: pytest.CaptureFixture[st
         for name in names:
             assert after[(name, topic)] - before[(name, topic)] == sent[topic], (name, topic)
     assert max(grown.values()) < 40_000
+    # What the services consumed, commands among it, is what services sent, and nothing else.
+    found = replay(load(path))
+    consumed = {name: node.events for name, node in zip(NODES, found.nodes, strict=True)}
+    assert found.identical, "\n".join(report.text(found))
+    assert all(count > 100 for count in consumed.values())
 
 
 def sample(sequence: int, topic: str = "odometry") -> Sample:

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 
 from experiments.session import NODES, Session, prepare
 from replays import report
-from replays.recording import Recording, load
+from replays.recording import Recording, Unusable, load
 from replays.replay import replay
 from runtime.bus import envelope
 from runtime.bus.keys import Keys
@@ -26,6 +26,7 @@ from runtime.live.split import BadSplit, Split
 from runtime.live.tape import Tape
 from runtime.messages import (
     Journal,
+    LaserScan,
     Log,
     PushPhase,
     RecordingQuery,
@@ -35,7 +36,7 @@ from runtime.messages import (
     Reply,
 )
 from runtime.recorder import header
-from runtime.recorder.writer import CannotRecord
+from runtime.recorder.writer import CannotRecord, Recorder
 from runtime.sample import INCARNATION, Sample
 from runtime.topics import TOPICS
 from tests.live_system import System, free_endpoint, running, short_session
@@ -237,12 +238,17 @@ class Heard:
         self.attachment = envelope.pack(one.sequence, one.time)
 
 
+def noisy(noise: random.Random) -> bytes:
+    """Return a scan that cannot be compressed much."""
+    return LaserScan(frame_id=noise.randbytes(2000).hex()).SerializeToString()
+
+
 def test_a_part_ends_at_its_size(tmp_path: Path) -> None:
     bus, keys, noise = Silent(), Keys("alone"), random.Random(1)
     plan = short_session("alone").plan()
     tape = Tape(bus, keys, tmp_path / "a.mcap", plan, split=Split.parse("100kB"))  # type: ignore[arg-type]
     for number in range(1, 301):
-        bus.hear(Heard(keys.topic("scan"), sample("scan", number, noise.randbytes(2000))))  # type: ignore[misc]
+        bus.hear(Heard(keys.topic("scan"), sample("scan", number, noisy(noise))))  # type: ignore[misc]
         time.sleep(0.01)
     tape.close()
     assert [path.name for path in tape.paths[:2]] == ["a.mcap", "a-2.mcap"]
@@ -391,3 +397,11 @@ def test_the_verbs_record_a_system(tmp_path: Path) -> None:
     assert [path.name.partition("-")[0] for path in files] == ["a.mcap", "verbs"]
     for path in files:
         check_alone(load(path), events=0)
+
+
+def test_a_recording_of_some_topics_says_that_it_cannot_be_replayed(tmp_path: Path) -> None:
+    path = tmp_path / "some.mcap"
+    with Recorder(path, header.of_this_machine("live", 0, ["task"], ["push/*"]), b'{"sections": {}}'):
+        pass
+    with pytest.raises(Unusable, match=r"only the topics push/\*"):
+        replay(load(path))
