@@ -13,7 +13,7 @@ $(KERNELS): $(STAMP) $(shell find services drivers -name '*.py')
 	find services drivers -name '*.nb[ic]' -delete
 	touch $(KERNELS)
 
-.PHONY: all setup lock messages demo test test-all lint bench goldens pictures clean
+.PHONY: all setup lock messages demo test test-all lint bench experiments goldens pictures clean
 
 setup: $(STAMP) $(KERNELS)
 
@@ -55,6 +55,10 @@ lint: setup
 
 bench: setup
 	$(BIN)/python -m experiments.bench
+
+# Hours; goes on where it was stopped. Results in out/experiments.
+experiments: setup
+	$(BIN)/pushlane experiment all --trials 200 --jobs 2
 
 goldens: setup
 	$(BIN)/pushlane goldens --record

@@ -26,6 +26,9 @@ experiment = typer.Typer(no_args_is_help=True, help="Run many pushes and print f
 def register(root: typer.Typer) -> None:
     """Add the verbs of this module to `root`."""
     root.command(name="sim")(sim)
+    from experiments.paper import cli as paper
+
+    paper.register(experiment)
     root.add_typer(experiment, name="experiment")
 
 

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from drivers.sapien import objects, scene
+from drivers.sapien import objects, scene, variants
 from drivers.sapien.base import BaseModel
 from runtime import registry
 from runtime.bus.config import BusConfig
@@ -51,6 +51,14 @@ class SimConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     precision: Annotated[float, Meta(ge=0, le=5, description="m; 0: as [task] says")] = 0.0
     time_limit: Annotated[float, Meta(ge=0, le=36000, description="s; 0: as [task] says")] = 0.0
     seed: Annotated[int, Meta(ge=0, lt=2**53, description="of everything drawn")] = 1
+    start: Annotated[
+        Literal["scene", "behind", "beside", "front"],
+        Meta(description="where the base starts, seen along the first push; scene: where the scene puts it"),
+    ] = "scene"
+    width: Annotated[
+        float,
+        Meta(gt=0.3, le=4, description="times the pushing corridor's half width; 1 except in corridor-1 to corridor-3"),
+    ] = 1.0
     perception: Annotated[
         Literal["truth"], Meta(description="truth: positions from the simulation, with noise and delay")
     ] = "truth"
@@ -159,6 +167,8 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
     words = [int(word) >> 1 for word in np.random.SeedSequence(sim.seed).generate_state(3, np.uint64)]
     generator = np.random.Generator(np.random.PCG64(words[0]))
     body = objects.draw(objects.get(name), generator)
+    room = variants.widened(room, sim.width, BaseModel().diameter)
+    room = variants.started(room, sim.start, BaseModel().diameter, body.diameter, sim.seed)
     room = scene.jittered(room, generator)
     values = {
         "driver": {
