@@ -7,11 +7,13 @@ waiting messages) and the journal says what it decided, so that a replay decides
 from __future__ import annotations
 
 import gc
+import queue
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType
 
 import msgspec
@@ -136,7 +138,8 @@ class LiveHost:
                     period = node.period(timer)
                     number = (now - node.start) // period  # what was missed is left out, not piled up
                     timers[timer] = node.start + (number + 1) * period
-                    self._handle(node.fire(timer, number, now, now), now)
+                    begin = clock.now()
+                    self._handle(node.fire(timer, number, begin, begin), begin)
                 else:
                     chore = min(chores_due, key=chores_due.__getitem__)
                     if chores_due[chore] <= now:
@@ -147,8 +150,10 @@ class LiveHost:
             # All that came is looked at before one is handled: of latest-only inputs that is the newest.
             waiting = len(arrivals)
             if waiting:
-                for _ in range(waiting):
-                    self._take(arrivals.get(0.0))
+                take, oldest = self._take, arrivals.oldest
+                with suppress(queue.Empty):  # a flood was shortened meanwhile
+                    for _ in range(waiting):
+                        take(oldest())
                 now = clock.now()
             entry = inbox.get()
             if entry is None:

@@ -142,6 +142,8 @@ class Arrivals(Generic[E]):
         self._limit = limit
         self._queue: queue.SimpleQueue[tuple[str, E]] = queue.SimpleQueue()
         self.dropped: dict[str, int] = {}
+        self.oldest = self._queue.get_nowait
+        """Returns the oldest of those that `len` counts."""
 
     def put(self, topic: str, what: E) -> None:
         """Take what came on `topic`. Safe to call from any thread."""
