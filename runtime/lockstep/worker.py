@@ -25,7 +25,7 @@ from runtime.messages import Request
 from runtime.node import Node
 from runtime.sample import Sample
 
-_PATIENCE = 10.0
+_PATIENCE = 5.0
 
 
 class _Stopped(Exception):
