@@ -21,7 +21,7 @@ BASE = np.array([0.4, 0.1, 0.23])
 
 
 @given(st.floats(0.3, 3.7), st.floats(-0.5, 0.5), st.lists(st.floats(-math.pi, math.pi), min_size=1, max_size=8))
-def test_no_wish_takes_the_base_more_than_centimetres_out_of_the_corridor(x: float, y: float, wishes: list[float]) -> None:
+def test_no_wish_takes_the_base_far_out_of_the_corridor(x: float, y: float, wishes: list[float]) -> None:
     state = np.zeros(m.STATE)
     state[m.RX], state[m.RY] = x, y
     deepest = FIELD.value(x, y)
