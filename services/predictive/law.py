@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from services.geometry.field import lookup, slope
-from services.predictive.model import RVX, RVY, RX, RY, YAW, X, Y, radius
+from services.predictive.model import RAMP_X, RAMP_Y, RVX, RVY, RX, RY, YAW, X, Y, radius
 
 Array = NDArray[np.float64]
 
@@ -31,6 +31,7 @@ _STEER_MOST = 1.1
 _RADIAL_GAIN = 3.0
 _RIDGE = 0.2
 _AHEAD = 0.15
+_TICK = 0.05
 
 
 @njit("f8(f8)", cache=True)
@@ -84,8 +85,9 @@ def inside(
     """Return the velocity changed as little as lets the robot stop before the corridor's edge.
 
     Judged where its velocity takes it within the lag of the base. Outward at most sqrt(a depth), half of what the
-    base could brake from, since a ramp that also turns brakes less; at most depth / 0.5 s where that is less; inward
-    at least where it stands outside of the margin.
+    base could brake from; at most depth / 0.5 s where that is less; inward at least where it stands outside of the
+    margin. The base's ramp divides its acceleration between braking and turning: while it is to brake, it turns with
+    what is left.
     """
     x, y = state[RX] + _AHEAD * state[RVX], state[RY] + _AHEAD * state[RVY]
     depth = lookup(values, x0, y0, resolution, x, y) - margin
@@ -94,8 +96,15 @@ def inside(
     if norm < _RIDGE:
         return ux, uy
     nx, ny = gx / norm, gy / norm
-    outward = -(ux * nx + uy * ny)
+    outward, along = -(ux * nx + uy * ny), ux * ny - uy * nx
     allowed = min(math.sqrt(acceleration * depth), 2.0 * depth) if depth > 0.0 else max(2.0 * depth, -0.15)
-    if outward <= allowed:
+    brake = -(state[RAMP_X] * nx + state[RAMP_Y] * ny) - allowed
+    if brake > 0.0:
+        most = acceleration * _TICK
+        turn = math.sqrt(most * most - brake * brake) if brake < most else 0.0
+        before = state[RAMP_X] * ny - state[RAMP_Y] * nx
+        along = min(max(along, before - turn), before + turn)
+    elif outward <= allowed:
         return ux, uy
-    return ux + (outward - allowed) * nx, uy + (outward - allowed) * ny
+    outward = min(outward, allowed)
+    return along * ny - outward * nx, -along * nx - outward * ny

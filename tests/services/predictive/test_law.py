@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from services.geometry.field import Field
@@ -20,8 +20,9 @@ WHERE = (FIELD.values, *FIELD.origin, FIELD.resolution)
 BASE = np.array([0.4, 0.1, 0.23])
 
 
+@example(2.0, 0.0, [0.0, 0.0, 0.5, 0.25, 2.0])  # was out by 15 mm: turning took the acceleration that was to brake
 @given(st.floats(0.3, 3.7), st.floats(-0.5, 0.5), st.lists(st.floats(-math.pi, math.pi), min_size=1, max_size=8))
-def test_no_wish_takes_the_base_far_out_of_the_corridor(x: float, y: float, wishes: list[float]) -> None:
+def test_no_wish_takes_the_base_out_of_the_corridor(x: float, y: float, wishes: list[float]) -> None:
     state = np.zeros(m.STATE)
     state[m.RX], state[m.RY] = x, y
     deepest = FIELD.value(x, y)
@@ -32,8 +33,7 @@ def test_no_wish_takes_the_base_far_out_of_the_corridor(x: float, y: float, wish
             )  # fmt: skip
             m.drive(state, *u, 0.05, BASE)
             deepest = min(deepest, FIELD.value(state[m.RX], state[m.RY]))
-    # 15 mm were seen at the round end of a corridor, where the edge turns away under a base that turns, too.
-    assert deepest > -0.03
+    assert deepest > 0.0
 
 
 def test_in_the_middle_nothing_is_changed() -> None:
