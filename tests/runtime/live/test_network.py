@@ -32,6 +32,7 @@ from runtime.bus.session import client
 from runtime.config.layers import Layer
 from runtime.journal import Entry
 from runtime.messages import (
+    Alive,
     EntryKind,
     ObjectState,
     Odometry,
@@ -187,12 +188,14 @@ class Taken:
         time: when, ns; sent: when it was published, ns.
         age: s since the odometry that it names was published.
         moving: it asks for more than standing still.
+        orphaned: by the newest roll that the driver had, its controller was gone.
     """
 
     time: int
     sent: int
     age: float
     moving: bool
+    orphaned: bool
 
 
 class Story:
@@ -207,12 +210,18 @@ class Story:
         ]
         readings = [Odometry.FromString(sample.payload) for sample in self.of("odometry")]
         stamps = {reading.driver_sequence: reading.stamp for reading in readings}
+        self.rolls = [
+            (entry.number, set(Alive.FromString(recording.samples[("alive", entry.sequence)].payload).nodes))
+            for entry in self.consumed("driver", "alive")
+        ]
         self.taken = []
         for entry in self.consumed("driver", "command"):
             sample = recording.samples[("command", entry.sequence)]
             command = VelocityCommand.FromString(sample.payload)
             age = (entry.time - stamps[command.driver_sequence]) / 1e9
-            self.taken.append(Taken(entry.time, sample.time, age, _moves(command)))
+            rolls = [roll for number, roll in self.rolls if number < entry.number]
+            orphaned = bool(rolls) and "controller" not in rolls[-1]
+            self.taken.append(Taken(entry.time, sample.time, age, _moves(command), orphaned))
 
     def of(self, topic: str) -> list[Sample]:
         """Return the samples of a topic."""
@@ -224,7 +233,7 @@ class Story:
 
     def fresh(self) -> list[Taken]:
         """Return the commands that the driver may obey."""
-        return [one for one in self.taken if one.age <= DEADLINE]
+        return [one for one in self.taken if one.age <= DEADLINE and not one.orphaned]
 
     def longest_motion_without_command(self) -> float:
         """Return the longest that the base was seen moving after the newest command it may obey, s."""
@@ -278,9 +287,7 @@ def check_whole(story: Story) -> None:
         consumed = [(e.name, e.sequence) for e in rows if e.kind == EntryKind.MESSAGE]
         assert len(set(consumed)) == len(consumed), f"'{name}' consumed a message twice"
     status = RobotStatus.FromString(story.of("status")[-1].payload)
-    # Fresh ones that come before the news that their controller is back are refused, too: a handful after each cut.
-    refused = sum(1 for one in story.fresh() if one.time <= status.stamp) - status.commands_accepted
-    assert 0 <= refused <= 10
+    assert status.commands_accepted == sum(1 for one in story.fresh() if one.time <= status.stamp)
     assert status.commands_stale >= sum(1 for one in story.taken if one.age > DEADLINE and one.time <= status.stamp)
     found = replay(recording)
     assert found.identical, "\n".join(report.text(found))
