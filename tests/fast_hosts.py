@@ -18,7 +18,7 @@ from runtime.live.config import LiveConfig
 from runtime.live.host import LiveHost
 from runtime.messages import Odometry, RobotStatus, VelocityCommand
 from runtime.node import Node
-from runtime.service import Effects, Input, Output, Service, Timer, on
+from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
 from runtime.time import Time
 
 RATE = 500.0
@@ -37,42 +37,48 @@ class Mixture:
     digest: int = 0
 
 
-class Left(Service):
+class Speaker(Service):
+    """Says one thing more at a rate."""
+
+    Config = Pace
+    tick = Timer(lambda config: 1 / config.rate)
+    state: Mixture
+
+    def __init__(self, config: Pace) -> None:
+        super().__init__(config)
+        self.state = Mixture()
+
+    @on(tick)
+    def speak(self, now: Time) -> Effects:
+        """Say one more."""
+        self.state.digest += 1
+        yield self.words(self.state.digest, now)
+
+    def words(self, number: int, now: Time) -> Publication:
+        """Return what is said as the `number`-th."""
+        raise NotImplementedError
+
+
+class Left(Speaker):
     """Publishes odometry."""
 
     name = "left"
-    Config = Pace
     odometry = Output(topics.ODOMETRY)
-    tick = Timer(lambda config: 1 / config.rate)
 
-    def __init__(self, config: Pace) -> None:
-        super().__init__(config)
-        self.state = Mixture()
-
-    @on(tick)
-    def speak(self, now: Time) -> Effects:
-        """Say one more."""
-        self.state.digest += 1
-        yield self.odometry(Odometry(stamp=now, driver_sequence=self.state.digest))
+    def words(self, number: int, now: Time) -> Publication:
+        """Return the next odometry."""
+        return self.odometry(Odometry(stamp=now, driver_sequence=number))
 
 
-class Right(Service):
+class Right(Speaker):
     """Publishes the robot's status."""
 
     name = "right"
-    Config = Pace
     status = Output(topics.STATUS)
-    tick = Timer(lambda config: 1 / config.rate)
 
-    def __init__(self, config: Pace) -> None:
-        super().__init__(config)
-        self.state = Mixture()
-
-    @on(tick)
-    def speak(self, now: Time) -> Effects:
-        """Say one more."""
-        self.state.digest += 1
-        yield self.status(RobotStatus(stamp=now, commands_accepted=self.state.digest))
+    def words(self, number: int, now: Time) -> Publication:
+        """Return the next status."""
+        return self.status(RobotStatus(stamp=now, commands_accepted=number))
 
 
 class Mixer(Service):

@@ -102,10 +102,8 @@ def running(session: Session, record: Path | None = None) -> Iterator[System]:
 
             def hear(sample: zenoh.Sample) -> None:
                 topic = system.keys.name(str(sample.key_expr))
-                attachment = None if sample.attachment is None else bytes(sample.attachment)
                 with suppress(envelope.BadEnvelope):
-                    found = envelope.unpack(topic, bytes(sample.payload), attachment)
-                    system.heard.setdefault(topic, []).append(found)
+                    system.heard.setdefault(topic, []).append(envelope.opened(topic, sample))
 
             subscriber = zenoh_session.declare_subscriber(system.keys.everything(), hear)
             system.wait(launcher.ready, START_LIMIT, "all services up")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import struct
 
+import zenoh
+
 from runtime.errors import PushlaneError
 from runtime.sample import Sample
 from runtime.time import Time
@@ -31,3 +33,13 @@ def unpack(topic: str, payload: bytes, attachment: bytes | None) -> Sample:
         raise BadEnvelope(f"'{topic}' came with {size}, expected {_ENVELOPE.size} bytes")
     sequence, time = _ENVELOPE.unpack(attachment)
     return Sample(topic, sequence, time, payload)
+
+
+def opened(topic: str, sample: zenoh.Sample) -> Sample:
+    """Return what came as `sample`, on `topic`.
+
+    Raises:
+        BadEnvelope: see `unpack`.
+    """
+    attachment = None if sample.attachment is None else bytes(sample.attachment)
+    return unpack(topic, bytes(sample.payload), attachment)

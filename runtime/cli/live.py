@@ -19,6 +19,10 @@ from runtime.config.layers import ConfigError
 
 recordings = typer.Typer(no_args_is_help=True, help="Let a running system record itself.")
 
+Patterns = Annotated[
+    list[str] | None, typer.Option("--topics", metavar="GLOB", help="Only these topics: to look at, not to replay.")
+]
+
 
 def register(root: typer.Typer) -> None:
     """Add the verbs of this module to `root`."""
@@ -138,9 +142,7 @@ def record(
             "--output", "-o", metavar="FILE.mcap", help="The new recording.", show_default="ROBOT-DATE-TIME.mcap"
         ),
     ] = None,
-    topics: Annotated[
-        list[str] | None, typer.Option("--topics", metavar="GLOB", help="Only these topics: to look at, not to replay.")
-    ] = None,
+    topics: Patterns = None,
     split: Annotated[
         str, typer.Option(metavar="SIZE|TIME", help="Begin a new part after 200MB, 60s, 10min.", show_default="never")
     ] = "",
@@ -172,9 +174,7 @@ def start(
     name: Annotated[
         str, typer.Argument(help="Of the file, without a folder.", show_default="ROBOT-DATE-TIME.mcap")
     ] = "",
-    topics: Annotated[
-        list[str] | None, typer.Option("--topics", metavar="GLOB", help="Only these topics: to look at, not to replay.")
-    ] = None,
+    topics: Patterns = None,
     split: Annotated[
         str, typer.Option(metavar="SIZE|TIME", help="Begin a new part after this.", show_default="as [live] split says")
     ] = "",

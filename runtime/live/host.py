@@ -82,7 +82,6 @@ class LiveHost:
         self._sent = Sent(config.kept)
         self._requests = incarnation * INCARNATION
         self._busy = Busy()
-        self._overrun: dict[str, int] = {}
         self._complained: dict[str, float] = {}
         self._health = 0
 
@@ -242,8 +241,7 @@ class LiveHost:
         def tell(query: zenoh.Query) -> None:
             sample = self._latched.get(topic)
             if sample is not None:
-                attachment = envelope.pack(sample.sequence, sample.time)
-                query.reply(str(query.key_expr), sample.payload, attachment=attachment)
+                _reply(query, sample)
             query.drop()
 
         return tell
@@ -253,7 +251,7 @@ class LiveHost:
             publisher, latched = self._publishers.get(sample.topic) or self._publisher(sample.topic)
             if latched:
                 self._latched[sample.topic] = sample
-            publisher.put(sample.payload, attachment=envelope.pack(sample.sequence, sample.time))
+            _put(publisher, sample)
             self._sent.add(sample)
 
     def _send_again(self, query: zenoh.Query) -> None:
@@ -264,8 +262,7 @@ class LiveHost:
             query.reply_err(f"'{self._node.name}': {error}")
         else:
             for sample in self._sent.find(missing):
-                attachment = envelope.pack(sample.sequence, sample.time)
-                query.reply(str(query.key_expr), sample.payload, attachment=attachment)
+                _reply(query, sample)
         query.drop()
 
     def _remind(self, _: Time) -> None:
@@ -275,8 +272,7 @@ class LiveHost:
         recorders know the number and leave it out.
         """
         for topic, sample in self._latched.items():
-            attachment = envelope.pack(sample.sequence, sample.time)
-            self._publishers[topic][0].put(sample.payload, attachment=attachment)
+            _put(self._publishers[topic][0], sample)
 
     def _publisher(self, topic: str) -> tuple[zenoh.Publisher, bool]:
         publisher = self._session.declare_publisher(
@@ -305,13 +301,11 @@ class LiveHost:
 
     def _report(self, now: Time) -> None:
         busy, self._busy = self._busy, Busy()
-        for topic, dropped in self._arrivals.dropped.copy().items():
-            self._inbox.count(topic).dropped += dropped - self._overrun.get(topic, 0)
-            self._overrun[topic] = dropped
         rows = []
         for topic in self._node.contract.inputs:
             count = self._inbox.count(topic)
-            row = InputHealth(topic=topic, consumed=count.consumed, dropped=count.dropped, age=count.age)
+            dropped = count.dropped + self._arrivals.dropped.get(topic, 0)
+            row = InputHealth(topic=topic, consumed=count.consumed, dropped=dropped, age=count.age)
             row.lost, row.refused, row.repeated, row.refusal = count.lost, count.refused, count.repeated, count.refusal
             rows.append(row)
         self._health += 1
@@ -337,6 +331,14 @@ class LiveHost:
         if now - self._complained.get(topic, -_LOG_EVERY) >= _LOG_EVERY:
             self._complained[topic] = now
             print(f"{self._node.name}: refused: {text}", file=sys.stderr, flush=True)
+
+
+def _put(publisher: zenoh.Publisher, sample: Sample) -> None:
+    publisher.put(sample.payload, attachment=envelope.pack(sample.sequence, sample.time))
+
+
+def _reply(query: zenoh.Query, sample: Sample) -> None:
+    query.reply(str(query.key_expr), sample.payload, attachment=envelope.pack(sample.sequence, sample.time))
 
 
 def stop_on_signals(host: LiveHost) -> None:

@@ -8,7 +8,6 @@ import re
 import shutil
 import time
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import msgspec
@@ -93,13 +92,7 @@ class HostTeller:
 
 def all_versions() -> dict[str, str]:
     """Return the versions here of everything that hosts of one system should agree in."""
-    found = dict(header.versions())
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "missing"
-    return found
+    return header.versions(_PACKAGES)
 
 
 def ask_hosts(session: zenoh.Session, keys: Keys) -> list[HostAnswer]:

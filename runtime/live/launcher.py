@@ -102,7 +102,6 @@ class Launcher:
         self._children = {name: Child(name) for name in ([RECORDER] if record or recorder else []) + list(names)}
         self._snapshots: dict[str, bytes] = {}
         self._stop = threading.Event()
-        self._wake = threading.Event()
 
     def stop(self) -> None:
         """End `run` soon. May be called from a signal handler or another thread."""

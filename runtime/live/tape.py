@@ -11,6 +11,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -173,12 +174,8 @@ class Tape:
             yield f"refused {count} of '{topic}', which were no messages"
 
     def _receive(self, sample: zenoh.Sample) -> None:
-        topic = self._keys.name(str(sample.key_expr))
-        attachment = None if sample.attachment is None else bytes(sample.attachment)
-        try:
-            self._queue.put(envelope.unpack(topic, bytes(sample.payload), attachment))
-        except envelope.BadEnvelope:
-            return  # no message of ours: a service that consumes it counts and reports it
+        with suppress(envelope.BadEnvelope):  # no message of ours: a service that consumes it counts and reports it
+            self._queue.put(envelope.opened(self._keys.name(str(sample.key_expr)), sample))
 
     def _ask(self, latched: bool) -> None:
         """Ask for what a part begins with, on a thread: answers may take long, and the messages go on."""
@@ -209,8 +206,7 @@ class Tape:
                 continue
             for reply in self._session.get(self._keys.latched(topic), timeout=1.0):
                 if reply.ok is not None and reply.ok.attachment is not None:
-                    attachment = bytes(reply.ok.attachment)
-                    self._queue.put(_Answer(envelope.unpack(topic, bytes(reply.ok.payload), attachment)))
+                    self._queue.put(_Answer(envelope.opened(topic, reply.ok)))
 
     def _run(self) -> None:
         try:
@@ -342,8 +338,7 @@ class Tape:
                     consolidation=zenoh.ConsolidationMode.NONE,
                 ):
                     if reply.ok is not None and reply.ok.attachment is not None:
-                        attachment = bytes(reply.ok.attachment)
-                        one = envelope.unpack(topic, bytes(reply.ok.payload), attachment)
+                        one = envelope.opened(topic, reply.ok)
                         found[one.sequence] = one
             except zenoh.ZError:
                 break  # the session was closed meanwhile

@@ -153,9 +153,8 @@ def window(bus: BusConfig, limit: int) -> Iterator[Window]:
     keys, found = Keys(bus.robot), Window(limit)
 
     def hear(sample: zenoh.Sample) -> None:
-        attachment = None if sample.attachment is None else bytes(sample.attachment)
         with suppress(envelope.BadEnvelope):
-            found.put(envelope.unpack(keys.name(str(sample.key_expr)), bytes(sample.payload), attachment))
+            found.put(envelope.opened(keys.name(str(sample.key_expr)), sample))
 
     with client(bus) as session:
         for topic, payload, attachment in _last_values(session, keys, "**"):

@@ -6,6 +6,7 @@ import os
 import platform
 import subprocess
 import uuid
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -119,10 +120,10 @@ def cpu_features() -> list[str]:
     ]
 
 
-def versions() -> dict[str, str]:
-    """Return the versions of everything whose numbers end up in payloads."""
+def versions(more: Iterable[str] = ()) -> dict[str, str]:
+    """Return the versions of everything whose numbers end up in payloads, and of `more` packages."""
     found = {"python": platform.python_version(), "libc": " ".join(platform.libc_ver())}
-    for package in _PACKAGES:
+    for package in (*_PACKAGES, *more):
         try:
             found[package] = version(package)
         except PackageNotFoundError:

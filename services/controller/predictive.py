@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from runtime.messages import PushPlan
 from services.geometry.corridor import CorridorGeometry
 from services.predictive import plan as planning
-from services.predictive.law import MANOEUVRE, inside, wish
+from services.predictive.law import MANOEUVRE, inside, kept_margin, wish
 from services.predictive.model import ACCELERATION, X, Y
 from services.predictive.situation import SPACING, Lane
 
@@ -31,14 +31,9 @@ def command(
     row[[planning.AHEAD, planning.BIAS_OF, planning.SPEED_OF]] = plan.ahead, plan.bias, plan.speed
     row[planning.SIDE_OF] = plan.side
     row[[planning.BODY_OF, planning.STAND_OF, planning.LEAN_OF]] = plan.body, plan.stand, plan.lean
-    index = int(np.argmin(np.hypot(lane.path[:, 0] - state[X], lane.path[:, 1] - state[Y])))
+    index = lane.nearest(state[X], state[Y])
     manoeuvre = np.empty(MANOEUVRE)
     planning.manoeuvre_of(lane.path, SPACING, index, state, row, settings, manoeuvre)
     ux, uy, walking = wish(state, contour, manoeuvre, walking)
-    grid = corridor.field
-    kept = min(plan.margin, 0.3 * max(float(lane.width[index]), 0.0))
-    u = inside(
-        grid.values, float(grid.origin[0]), float(grid.origin[1]), grid.resolution,
-        state, ux, uy, base[ACCELERATION], kept,
-    )  # fmt: skip
+    u = inside(*corridor.field.grid, state, ux, uy, base[ACCELERATION], kept_margin(plan.margin, lane.width[index]))
     return np.array(u), walking

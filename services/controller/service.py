@@ -112,17 +112,17 @@ class ControllerService(Service):
     @on(robot)
     def localised(self, robot: RobotPose, now: Time) -> None:
         """Follow the robot."""
-        self.state.track.robot_seen(robot.stamp, robot.pose.x, robot.pose.y, robot.pose.theta)
+        self.state.track.robot_seen(robot)
 
     @on(object)
     def seen(self, object: ObjectState, now: Time) -> None:
-        """Follow the object."""
+        """Follow the object. The paper's controllers act on what they see, and need not pay for it."""
+        if self.goal is not None and self.goal.controller != "predictive":
+            return
         if self.status is None or self.corridor is None or object.visibility == Visibility.LOST:
             return
         contour, response = known(self.response, self.corridor.robot_diameter, object.diameter)
-        yaw = object.yaw if object.HasField("yaw") else None
-        o = object.position
-        self.state.track.object_seen(object.stamp, o.x, o.y, yaw, base_of(self.status), contour, response)
+        self.state.track.object_seen(object, base_of(self.status), contour, response)
 
     @on(tick)
     def control(self, now: Time) -> Effects:
@@ -247,16 +247,15 @@ class ControllerService(Service):
             scale = limit / speed
         c, s = math.cos(theta), math.sin(theta)
         vx, vy = scale * wish.u[0], scale * wish.u[1]
-        self.state.track.commanded(now, c * vx + s * vy, -s * vx + c * vy, theta)
-        return self.command(
-            VelocityCommand(
-                stamp=now,
-                twist=Twist2(vx=c * vx + s * vy, vy=-s * vx + c * vy, omega=omega),
-                driver_sequence=self.odometry.driver_sequence,
-                deadline=nanoseconds(self.config.deadline),
-                controller=self.goal.controller,
-                psi_push=wish.psi_push,
-                psi_relocate=wish.psi_relocate,
-                limited=wish.limited or scale < 1.0,
-            )
+        command = VelocityCommand(
+            stamp=now,
+            twist=Twist2(vx=c * vx + s * vy, vy=-s * vx + c * vy, omega=omega),
+            driver_sequence=self.odometry.driver_sequence,
+            deadline=nanoseconds(self.config.deadline),
+            controller=self.goal.controller,
+            psi_push=wish.psi_push,
+            psi_relocate=wish.psi_relocate,
+            limited=wish.limited or scale < 1.0,
         )
+        self.state.track.commanded(command, theta)
+        return self.command(command)

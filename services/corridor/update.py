@@ -74,7 +74,7 @@ def distance_robot_corridor_edge(field: Field, d_r: float, r: Array, bearing: fl
     Negative by the depth where the robot's centre is outside (Q, C); `limit` where the edge is farther.
     """
     return _march(
-        field.values, field.origin[0], field.origin[1], field.resolution, 0.5 * d_r, r[0], r[1],
+        *field.grid, 0.5 * d_r, r[0], r[1],
         math.cos(bearing), math.sin(bearing), limit,
     )  # fmt: skip
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 
@@ -17,6 +18,12 @@ def wrap(angle: float) -> float:
     # The IEEE remainder is exact and lies in [-pi, pi].
     wrapped = math.remainder(angle, math.tau)
     return math.pi if wrapped == -math.pi else wrapped
+
+
+@njit("f8(f8)", cache=True)
+def wrapped(angle: float) -> float:
+    """Return `angle` (rad, finite) wrapped to [-pi, pi): `wrap` for kernels, for which there is no exact remainder."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def difference(a: float, b: float) -> float:

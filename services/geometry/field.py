@@ -60,20 +60,25 @@ class Field:
         values = _fill(_segments(path, width), low[0], low[1], resolution, ny, nx)
         return cls(low, resolution, values)
 
+    @property
+    def grid(self) -> tuple[Array, float, float, float]:
+        """Return the grid as kernels take it: values, x and y of values[0, 0], resolution."""
+        return self.values, float(self.origin[0]), float(self.origin[1]), self.resolution
+
     def value(self, x: float, y: float) -> float:
         """Return the depth at (x, y), m."""
-        return lookup(self.values, self.origin[0], self.origin[1], self.resolution, x, y)
+        return lookup(*self.grid, x, y)
 
     def gradient(self, x: float, y: float) -> tuple[float, float]:
         """Return the depth's gradient at (x, y), by central differences over one cell to each side.
 
         It points inward, has a norm of 1 beside the path where the widths are equal, and near 0 on the path.
         """
-        return slope(self.values, self.origin[0], self.origin[1], self.resolution, x, y)
+        return slope(*self.grid, x, y)
 
     def minimum_along(self, a: Array, b: Array) -> float:
         """Return the least depth on the segment from `a` to `b` ((2,), m), sampled at most a cell apart."""
-        return minimum(self.values, self.origin[0], self.origin[1], self.resolution, a[0], a[1], b[0], b[1], -np.inf)
+        return minimum(*self.grid, a[0], a[1], b[0], b[1], -np.inf)
 
 
 def depth(x: float, y: float, path: Array, width: Array) -> float:

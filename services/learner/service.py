@@ -77,14 +77,13 @@ class LearnerService(Service):
     @on(robot)
     def localised(self, robot: RobotPose, now: Time) -> None:
         """Follow the robot."""
-        self.state.track.robot_seen(robot.stamp, robot.pose.x, robot.pose.y, robot.pose.theta)
+        self.state.track.robot_seen(robot)
 
     @on(command)
     def sent(self, command: VelocityCommand, now: Time) -> None:
         """Follow what the robot was sent."""
         if self.robot is not None:
-            twist = command.twist
-            self.state.track.commanded(command.stamp, twist.vx, twist.vy, self.robot.pose.theta)
+            self.state.track.commanded(command, self.robot.pose.theta)
 
     @on(object)
     def answer(self, object: ObjectState, now: Time) -> Effects:
@@ -98,11 +97,9 @@ class LearnerService(Service):
         if state.experience is None:
             state.experience = Experience.of(status.diameter, object.diameter, self.config.seed)
         known, track = state.experience, state.track
-        o = object.position
-        yaw = object.yaw if object.HasField("yaw") else None
-        track.object_seen(object.stamp, o.x, o.y, yaw, base, known.contour, known.response)
-        turned = float(track.state[YAW]) if yaw is None else yaw
-        state.pending = [*state.pending[-_MOST_PENDING:], (object.stamp, o.x, o.y, turned)]
+        track.object_seen(object, base, known.contour, known.response)
+        turned = object.yaw if object.HasField("yaw") else float(track.state[YAW])
+        state.pending = [*state.pending[-_MOST_PENDING:], (object.stamp, object.position.x, object.position.y, turned)]
         # The robot's position of that time may still be on its way.
         while state.pending and state.pending[0][0] <= track.robots[-1][0]:
             stamp, x, y, angle = state.pending.pop(0)

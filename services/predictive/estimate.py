@@ -12,13 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from services.predictive.law import wrapped
+from runtime.messages import ObjectState, RobotPose, VelocityCommand
+from services.geometry.angles import wrapped
 from services.predictive.model import (
     OMEGA,
-    RAMP_X,
-    RAMP_Y,
-    RVX,
-    RVY,
     RX,
     RY,
     STATE,
@@ -63,14 +60,16 @@ class Track:
     sent: list[Sent] = field(default_factory=list)
     robots: list[tuple[int, float, float, float]] = field(default_factory=list)
 
-    def commanded(self, time: int, vx: float, vy: float, theta: float) -> None:
-        """Take a command that was sent at `time`, base frame, with the robot heading `theta`."""
+    def commanded(self, command: VelocityCommand, theta: float) -> None:
+        """Take a command that was sent with the robot heading `theta`."""
         c, s = math.cos(theta), math.sin(theta)
-        self.sent = [*self.sent[-_REMEMBERED + 1 :], Sent(time, float(c * vx - s * vy), float(s * vx + c * vy))]
+        vx, vy = command.twist.vx, command.twist.vy
+        self.sent = [*self.sent[-_REMEMBERED + 1 :], Sent(command.stamp, c * vx - s * vy, s * vx + c * vy)]
 
-    def robot_seen(self, stamp: int, x: float, y: float, theta: float) -> None:
+    def robot_seen(self, robot: RobotPose) -> None:
         """Take a position of the robot."""
-        self.robots = [*self.robots[-_REMEMBERED + 1 :], (stamp, x, y, theta)]
+        seen = (robot.stamp, robot.pose.x, robot.pose.y, robot.pose.theta)
+        self.robots = [*self.robots[-_REMEMBERED + 1 :], seen]
 
     def robot_at(self, stamp: int) -> tuple[float, float]:
         """Return the robot's position at `stamp`, between the two observations around it."""
@@ -79,10 +78,10 @@ class Track:
         y = np.interp(0, times, [one[2] for one in self.robots])
         return float(x), float(y)
 
-    def object_seen(
-        self, stamp: int, x: float, y: float, yaw: float | None, base: Array, contour: Array, response: Array
-    ) -> None:
+    def object_seen(self, object: ObjectState, base: Array, contour: Array, response: Array) -> None:
         """Take a position of the object, and the robot's of that time."""
+        stamp, x, y = object.stamp, object.position.x, object.position.y
+        yaw = object.yaw if object.HasField("yaw") else None
         robot = min(self.robots, key=lambda one: abs(one[0] - stamp), default=None)
         if robot is None or stamp <= self.time:
             return
@@ -123,9 +122,3 @@ class Track:
             step(state, ux, uy, (end - time) * 1e-9, base, contour, response)
             time = end
         return state
-
-
-def at_rest(state: Array) -> bool:
-    """Return whether nothing moves."""
-    moving = [VX, VY, RVX, RVY, RAMP_X, RAMP_Y]
-    return bool(np.abs(state[moving]).max() < 0.01)

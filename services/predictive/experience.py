@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from services.predictive.law import wrapped
+from services.geometry.angles import wrapped
 from services.predictive.model import (
     ANISOTROPY,
     AXIS,

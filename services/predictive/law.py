@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from services.geometry.angles import wrapped
 from services.geometry.field import lookup, slope
 from services.predictive.model import RAMP_X, RAMP_Y, RVX, RVY, RX, RY, YAW, X, Y, radius
 
@@ -32,12 +33,6 @@ _RADIAL_GAIN = 3.0
 _RIDGE = 0.2
 _AHEAD = 0.15
 _TICK = 0.05
-
-
-@njit("f8(f8)", cache=True)
-def wrapped(angle: float) -> float:
-    """Return `angle` in [-pi, pi)."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 @njit("UniTuple(f8,3)(f8[::1],f8[::1],f8[::1],f8)", cache=True)
@@ -75,6 +70,12 @@ def wish(state: Array, contour: Array, manoeuvre: Array, walking: float) -> tupl
     free = min(max(gap / RING, 0.0), 1.0)
     around = way * free * math.sqrt(max(0.0, speed * speed - outward * outward))
     return outward * ex - around * ey, outward * ey + around * ex, walking
+
+
+@njit("f8(f8,f8)", cache=True)
+def kept_margin(margin: float, width: float) -> float:
+    """Return the m to keep from the edge where the corridor's half width is `width`: less where it is narrow."""
+    return min(margin, 0.3 * max(width, 0.0))
 
 
 @njit("UniTuple(f8,2)(f8[:,::1],f8,f8,f8,f8[::1],f8,f8,f8,f8)", cache=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from services.geometry.angles import wrapped
 from services.geometry.field import lookup
 from services.predictive.law import (
     BIAS,
@@ -25,8 +26,8 @@ from services.predictive.law import (
     TARGET_X,
     TARGET_Y,
     inside,
+    kept_margin,
     wish,
-    wrapped,
 )
 from services.predictive.model import ACCELERATION, RVX, RVY, RX, RY, X, Y, step
 
@@ -130,7 +131,7 @@ def rollout(
         ux, uy, walking = wish(state, contour, manoeuvre, walking)
         if walking == 0.0:
             pushed += dt
-        kept = min(settings[MARGIN], 0.3 * max(width[index], 0.0))
+        kept = kept_margin(settings[MARGIN], width[index])
         ux, uy = inside(values, x0, y0, resolution, state, ux, uy, base[ACCELERATION], kept)
         step(state, ux, uy, dt, base, contour, response)
         time += dt

@@ -25,6 +25,10 @@ class Lane:
     path: Array
     width: Array
 
+    def nearest(self, x: float, y: float) -> int:
+        """Return the index of the point of the path closest to (x, y)."""
+        return int(np.argmin(np.hypot(self.path[:, 0] - x, self.path[:, 1] - y)))
+
     @classmethod
     def of(cls, corridor: CorridorGeometry) -> Lane:
         """Return the lane of `corridor`."""

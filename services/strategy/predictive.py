@@ -64,10 +64,8 @@ def choose(
     approach = config.approach * (config.caution**2 if rolls else 1.0)
     settings[[plan.HORIZON, plan.SPEED_FULL, plan.APPROACH]] = config.horizon, speed, approach
     settings[[plan.SLOWEST, plan.MARGIN, plan.PRECISION]] = config.slowest, config.margin, 0.6 * precision
-    distances = np.hypot(lane.path[:, 0] - start[X], lane.path[:, 1] - start[Y])
-    index = int(np.argmin(distances))
-    grid = corridor.field
-    where = (grid.values, float(grid.origin[0]), float(grid.origin[1]), grid.resolution)
+    index = lane.nearest(start[X], start[Y])
+    where = corridor.field.grid
     best, cost = plan.choose(
         start, state.walking, _CANDIDATES, base, contour, response, settings,
         lane.path, lane.width, SPACING, index, *where, state.favourite,

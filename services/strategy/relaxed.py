@@ -33,7 +33,7 @@ def choose(geometry: CorridorGeometry, o: Array, d_r: float, d_o: float, fallbac
     """
     f = geometry.field
     x, y, index, feasible, arc = _search(
-        geometry.path, geometry.clearance, geometry.start, f.values, f.origin[0], f.origin[1], f.resolution,
+        geometry.path, geometry.clearance, geometry.start, *f.grid,
         o[0], o[1], 0.5 * (d_r + d_o), 0.5 * max(d_r, d_o),
     )  # fmt: skip
     if not feasible:

@@ -78,14 +78,14 @@ class StrategyService(Service):
     @on(robot)
     def localised(self, robot: RobotPose, now: Time) -> None:
         """Follow the robot."""
-        self.state.planner.track.robot_seen(robot.stamp, robot.pose.x, robot.pose.y, robot.pose.theta)
+        self.state.planner.track.robot_seen(robot)
 
     @on(command)
     def sent(self, command: VelocityCommand, now: Time) -> None:
         """Follow what the robot was sent."""
         planner = self.state.planner
         if self.robot is not None:
-            planner.track.commanded(command.stamp, command.twist.vx, command.twist.vy, self.robot.pose.theta)
+            planner.track.commanded(command, self.robot.pose.theta)
         planner.walking = float(command.psi_relocate > 0.5)
 
     @on(object)
@@ -123,8 +123,7 @@ class StrategyService(Service):
         base = base_of(self.status)
         contour, response = known(self.response, corridor.robot_diameter, object.diameter)
         o = vector(object.position)
-        yaw = object.yaw if object.HasField("yaw") else None
-        planner.track.object_seen(object.stamp, o[0], o[1], yaw, base, contour, response)
+        planner.track.object_seen(object, base, contour, response)
         config = self.config.predictive
         windows = 0 if self.response is None else self.response.windows
         then = now + nanoseconds(config.lead)

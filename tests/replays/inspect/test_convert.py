@@ -5,14 +5,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pytest
-from numpy.typing import NDArray
-from rerun.chunk import RrdReader
 
 from replays.inspect import to_rrd
 from replays.inspect.session import read_session
 from runtime.messages import LaserScan, OccupancyGrid, PushBehaviour, RobotPose
+from tests.replays.inspect.rrd import column
 from tests.replays.inspect.synthetic_session import CELL, SIDE, Push, grid, write_session
 
 TOPICS = (
@@ -26,16 +24,6 @@ def rrd(push: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("rrd") / "push.rrd"
     to_rrd(push, out)
     return out
-
-
-def column(rrd: Path, entity: str, component: str) -> tuple[NDArray[np.int64], list[list[object]]]:
-    """Times (ns) and rows of one component, read back with Rerun's own reader."""
-    chunks = RrdReader(rrd).store().stream().filter(content=entity, is_static=False, components=component).to_chunks()
-    tables = [chunk.to_record_batch() for chunk in chunks]
-    times = np.concatenate([table["t"].cast(pa.int64()).to_numpy() for table in tables])
-    rows = [row for table in tables for row in table[component].to_pylist()]
-    order = np.argsort(times, kind="stable")
-    return times[order], [rows[index] for index in order]
 
 
 def test_plotted_numbers_are_the_messages_own(push: Path, rrd: Path) -> None:

@@ -62,9 +62,7 @@ def one_round(session: zenoh.Session, hosts: list[subprocess.Popen[str]], robot:
     heard: list[Sample] = []
 
     def hear(sample: zenoh.Sample) -> None:
-        if sample.attachment is not None:
-            topic = keys.name(str(sample.key_expr))
-            heard.append(envelope.unpack(topic, bytes(sample.payload), bytes(sample.attachment)))
+        heard.append(envelope.opened(keys.name(str(sample.key_expr)), sample))
 
     subscriber = session.declare_subscriber(keys.everything(), hear)
     for process in hosts:

@@ -148,10 +148,8 @@ def split(folder: Path, on_robot: Sequence[str], **sections: dict[str, object]) 
 def _listen(system: Split) -> None:
     def hear(sample: zenoh.Sample) -> None:
         topic = system.keys.name(str(sample.key_expr))
-        attachment = None if sample.attachment is None else bytes(sample.attachment)
         with suppress(envelope.BadEnvelope):
-            found = envelope.unpack(topic, bytes(sample.payload), attachment)
-            system.heard.setdefault(topic, []).append(found)
+            system.heard.setdefault(topic, []).append(envelope.opened(topic, sample))
             if topic == "truth":
                 system.arrivals.append(time.monotonic())
 

@@ -14,11 +14,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from mcap.reader import make_reader
-from numpy.typing import NDArray
-from rerun.chunk import RrdReader
 
 from experiments.session import NODES
 from replays.inspect import to_rrd
@@ -36,17 +33,8 @@ from runtime.sample import Sample
 from runtime.topics import TOPICS
 from tests.authority import Authority
 from tests.live_system import free_endpoint, running, short_session
+from tests.replays.inspect.rrd import column
 from tests.replays.inspect.synthetic_session import write_session
-
-
-def column(rrd: Path, entity: str, component: str) -> tuple[NDArray[np.int64], list[list[object]]]:
-    """Times (ns) and rows of one component, read back with Rerun's own reader."""
-    chunks = RrdReader(rrd).store().stream().filter(content=entity, is_static=False, components=component).to_chunks()
-    tables = [chunk.to_record_batch() for chunk in chunks]
-    times = np.concatenate([table["t"].cast(pa.int64()).to_numpy() for table in tables])
-    rows = [row for table in tables for row in table[component].to_pylist()]
-    order = np.argsort(times, kind="stable")
-    return times[order], [rows[index] for index in order]
 
 
 def test_a_session_drawn_in_pieces_is_the_same_as_drawn_at_once(tmp_path: Path) -> None:

@@ -11,9 +11,9 @@ from experiments.session import prepare, run
 from runtime.config.layers import Layer
 from runtime.messages import PushResponse
 from runtime.sample import Sample
+from services.geometry.angles import wrapped
 from services.predictive import model as m
 from services.predictive.experience import Experience
-from services.predictive.law import wrapped
 
 BASE = np.array([0.4, 0.1, 0.23])
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from services.geometry.angles import wrapped
 from services.geometry.field import Field
 from services.predictive import law
 from services.predictive import model as m
@@ -16,7 +17,7 @@ from services.predictive import model as m
 PATH = np.column_stack([np.arange(0.0, 4.01, 0.05), np.zeros(81)])
 HALF = 0.6
 FIELD = Field.build(PATH, np.full(81, HALF))
-WHERE = (FIELD.values, *FIELD.origin, FIELD.resolution)
+WHERE = FIELD.grid
 BASE = np.array([0.4, 0.1, 0.23])
 
 
@@ -56,7 +57,7 @@ def driven(bearing: float, side: float = 0.0, seconds: float = 14.0) -> tuple[np
         ux, uy, walking = law.wish(state, contour, manoeuvre, walking)
         m.step(state, ux, uy, 0.05, BASE, contour, response)
         now = math.atan2(state[m.RY] - state[m.Y], state[m.RX] - state[m.X])
-        swept += law.wrapped(now - before)
+        swept += wrapped(now - before)
         before = now
     return state, swept
 
@@ -75,6 +76,6 @@ def test_the_way_around_can_be_chosen() -> None:
 
 @given(st.floats(-50.0, 50.0))
 def test_wrapped_is_the_same_direction_within_a_turn(angle: float) -> None:
-    found = law.wrapped(angle)
+    found = wrapped(angle)
     assert -math.pi <= found < math.pi
     assert (math.cos(found), math.sin(found)) == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-9)
