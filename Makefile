@@ -41,7 +41,7 @@ demo: setup
 
 test: setup
 	deploy/system-packages
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 
 test-all: setup
 	deploy/system-packages

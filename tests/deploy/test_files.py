@@ -17,6 +17,7 @@ from runtime.bus.access import access_control
 from runtime.bus.config import BusConfig
 from runtime.bus.keys import Keys
 from runtime.cli.options import bus_of, layers
+from tests.figures import Figures
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 SYSTEMS = ("simulation", "laptop", "robot", "robot-and-laptop")
@@ -104,12 +105,11 @@ def test_a_fault_in_a_unit_would_be_seen(old: str, new: str, tmp_path: Path) -> 
 
 @needs_systemd
 @pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.stem)
-def test_a_unit_is_shut_in(unit: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_unit_is_shut_in(unit: Path, tmp_path: Path, figures: Figures) -> None:
     found = analysed(unit, tmp_path, "security", "--offline=yes", f"--threshold={10 * LARGEST_EXPOSURE:.0f}")
     level = re.search(r"exposure level for \S+: ([0-9.]+)", found.stdout)
     assert level is not None, found.stdout + found.stderr
-    with capsys.disabled():
-        print(f"\n{unit.stem}: exposure {level[1]} of 10")
+    figures(f"{unit.stem}: exposure {level[1]} of 10")
     assert found.returncode == 0
     assert float(level[1]) <= LARGEST_EXPOSURE
 

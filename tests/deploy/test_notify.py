@@ -17,6 +17,7 @@ import pytest
 from runtime.bus.config import BusConfig
 from runtime.bus.session import client
 from runtime.live.notify import BadSupervisor, Notifier
+from tests.figures import Figures
 from tests.live_system import free_endpoint
 
 
@@ -103,9 +104,9 @@ def test_an_environment_without_sense_is_refused(environment: dict[str, str], sa
 
 
 def test_a_launcher_is_ready_when_its_services_are_and_falls_silent_when_it_hangs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, figures: Figures
 ) -> None:
-    address, watchdog = str(tmp_path / "notify"), 3.0
+    address, watchdog = str(tmp_path / "notify"), 1.5
     endpoint = free_endpoint()
     places = [f'bus.{key}=["{endpoint}"]' for key in ("listen", "connect")]
     settings = [word for place in places for word in ("--set", place)]
@@ -132,8 +133,7 @@ def test_a_launcher_is_ready_when_its_services_are_and_falls_silent_when_it_hang
             while time.monotonic() < end:
                 times.append((time.monotonic(), listener.recv(4096).decode()))
             longest = max(b - a for (a, _), (b, _) in zip(times, times[1:], strict=False))
-            with capsys.disabled():
-                print(f"\nwatchdog of {watchdog} s: longest silence {longest:.2f} s")
+            figures(f"watchdog of {watchdog} s: longest silence {longest:.2f} s")
             # A launcher that hangs says nothing more: systemd would kill it after WatchdogSec.
             process.send_signal(signal.SIGSTOP)
             listener.settimeout(0.2)

@@ -26,6 +26,7 @@ from runtime.cli.options import bus_of
 from runtime.messages import Odometry, PushGoal, Reply, Truth, Twist2, Vector2, VelocityCommand
 from runtime.sample import Sample
 from tests.authority import Authority
+from tests.figures import Figures
 from tests.live_system import free_endpoint
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
@@ -159,9 +160,7 @@ SERVICES = ("driver", "perception", "corridor", "strategy", "learner", "controll
 
 
 @pytest.mark.parametrize("hub", ["launcher", pytest.param("router", marks=pytest.mark.slow)])
-def test_it_moves_for_its_operator_and_for_nobody_else(
-    tmp_path: Path, hub: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_moves_for_its_operator_and_for_nobody_else(tmp_path: Path, hub: str, figures: Figures) -> None:
     with place(tmp_path) as system:
         robot_file = tmp_path / "robot" / "robot-and-laptop.toml"
         if hub == "router":
@@ -200,8 +199,7 @@ def test_it_moves_for_its_operator_and_for_nobody_else(
         assert stopped.returncode == 0, stopped.stderr
         # The same commands from the controller's host do move it: what was refused above was refused for its sender.
         controlled = system.forge("robot")
-        with capsys.disabled():
-            print(f"\nthe controller's host moved the base by {controlled:.3f} m; {pushed.stdout.splitlines()[-1]}")
+        figures(f"the controller's host moved the base by {controlled:.3f} m; {pushed.stdout.splitlines()[-1]}")
         assert controlled > MOVED
         assert robot.poll() is None
         assert laptop.poll() is None

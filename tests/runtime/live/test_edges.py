@@ -22,6 +22,7 @@ from runtime.live.inbox import Arrivals, Inbox
 from runtime.messages import Health, PushOutcome, PushPhase
 from runtime.sample import INCARNATION, Sample
 from runtime.topics import TOPICS
+from tests.figures import Figures
 from tests.live_system import System, running, short_session
 
 GARBAGE = 100_000
@@ -79,7 +80,8 @@ def garbage(generator: random.Random, topic: str, known: list[bytes]) -> tuple[b
     return bytes([(generator.randrange(1, 16) << 3) | 7]) + generator.randbytes(20), honest
 
 
-def test_garbage_changes_nothing_and_is_counted(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+@pytest.mark.alone
+def test_garbage_changes_nothing_and_is_counted(figures: Figures, tmp_path: Path) -> None:
     consumers: dict[str, list[str]] = {}
     for name in NODES:
         for topic in registry.service_class(name).contract.inputs:
@@ -114,9 +116,8 @@ def test_garbage_changes_nothing_and_is_counted(capsys: pytest.CaptureFixture[st
         time.sleep(2.5)
         after = refused(system)
         grown = {name: memory(pid) - sizes[name] for name, pid in system.launcher.pids.items()}
-    with capsys.disabled():
-        grew = max(grown.values())
-        print(f"\n{GARBAGE} payloads over {len(topics)} topics in {took:.1f} s; memory grew by at most {grew} kB")
+    grew = max(grown.values())
+    figures(f"{GARBAGE} payloads over {len(topics)} topics in {took:.1f} s; memory grew by at most {grew} kB")
     assert status.outcome == PushOutcome.DELIVERED
     assert max(system.launcher.restarts.values()) == 0
     for topic, names in consumers.items():

@@ -24,6 +24,7 @@ from runtime.bus.config import BusConfig
 from runtime.bus.keys import Keys
 from runtime.bus.session import client
 from runtime.messages import PushGoal, PushPhase, PushStatus, Reply, Vector2, VelocityCommand
+from tests.figures import Figures
 from tests.live_system import free_endpoint
 
 LISTENER = """
@@ -91,10 +92,9 @@ def pushing(robot: str, *more: str) -> Iterator[Running]:
         process.communicate(timeout=30)
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
-def test_a_signal_ends_all_in_good_order(
-    number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_signal_ends_all_in_good_order(number: signal.Signals, tmp_path: Path, figures: Figures) -> None:
     path = tmp_path / "session.mcap"
     with pushing("ending", "-o", str(path)) as system:
         time.sleep(3.0)
@@ -108,8 +108,7 @@ def test_a_signal_ends_all_in_good_order(
         (s for (topic, _), s in recording.samples.items() if topic == "command"), key=lambda s: s.sequence
     )
     before, last = (VelocityCommand.FromString(sample.payload).twist for sample in commands[-2:])
-    with capsys.disabled():
-        print(f"\n{number.name}: ended after {took:.2f} s; last commands {before.vx:.2f}, {last.vx:.2f} m/s")
+    figures(f"{number.name}: ended after {took:.2f} s; last commands {before.vx:.2f}, {last.vx:.2f} m/s")
     assert code == 0
     assert took < 5.0  # 2 s on a machine of one's own
     assert not [pid for pid in children if Path(f"/proc/{pid}").exists()]
@@ -124,7 +123,8 @@ def test_a_signal_ends_all_in_good_order(
     assert all(node.complete for node in found.nodes)
 
 
-def test_a_stuck_or_slow_listener_slows_nobody(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.alone
+def test_a_stuck_or_slow_listener_slows_nobody(figures: Figures) -> None:
     with pushing("listened") as system:
         time.sleep(2.0)
         listeners = [
@@ -145,15 +145,15 @@ def test_a_stuck_or_slow_listener_slows_nobody(capsys: pytest.CaptureFixture[str
                 listener.communicate()
     error = np.percentile(1000 * np.abs(heard - 0.05), 99)
     grown = max(after[pid] - before[pid] for pid in before)
-    with capsys.disabled():
-        print(f"\na stuck and a slow listener for 12 s: {len(heard)} commands, p99 of period error {error:.1f} ms,")
-        print(f"longest gap {1000 * heard.max():.0f} ms; memory of any process grew by at most {grown} kB")
+    figures(f"a stuck and a slow listener for 12 s: {len(heard)} commands, p99 of period error {error:.1f} ms,")
+    figures(f"longest gap {1000 * heard.max():.0f} ms; memory of any process grew by at most {grown} kB")
     assert set(after) == set(before)  # nobody was restarted
     assert len(heard) > 0.95 * 20 * 12
     assert grown < 30_000
 
 
-def test_services_of_a_launcher_that_was_killed_end_themselves(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.alone
+def test_services_of_a_launcher_that_was_killed_end_themselves(figures: Figures) -> None:
     with pushing("orphaned") as system:
         children = set(system.memory()) - {system.process.pid}
         assert len(children) >= 7
@@ -162,5 +162,4 @@ def test_services_of_a_launcher_that_was_killed_end_themselves(capsys: pytest.Ca
         while any(Path(f"/proc/{pid}").exists() for pid in children):
             assert time.monotonic() - began < 15.0, "services go on without their launcher"
             time.sleep(0.05)
-    with capsys.disabled():
-        print(f"\nlauncher killed: all services ended after {time.monotonic() - began:.1f} s")
+    figures(f"launcher killed: all services ended after {time.monotonic() - began:.1f} s")

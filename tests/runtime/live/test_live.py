@@ -17,12 +17,14 @@ from replays.recording import Recording, load
 from replays.replay import replay
 from runtime.journal import entries
 from runtime.messages import EntryKind, PushOutcome, PushPhase, Truth
+from tests.figures import Figures
 from tests.live_system import running, short_session
 
 REST = 0.02
 """m/s below which the base stands still: the noise of nothing, truth has none."""
 
 
+@pytest.mark.alone
 def test_a_live_push_is_delivered_and_replays(tmp_path: Path) -> None:
     path = tmp_path / "live.mcap"
     with running(short_session("live"), path) as system:
@@ -42,9 +44,8 @@ def test_a_live_push_is_delivered_and_replays(tmp_path: Path) -> None:
     assert system.launcher.restarts == dict.fromkeys([*NODES, "recorder"], 0)
 
 
-def test_a_killed_recorder_loses_little_and_its_successor_joins(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.alone
+def test_a_killed_recorder_loses_little_and_its_successor_joins(tmp_path: Path, figures: Figures) -> None:
     path = tmp_path / "live.mcap"
     with running(short_session("killed-recorder", goal=[1.2, 0.1]), path) as system:
         assert system.ask_for_push().accepted
@@ -59,8 +60,7 @@ def test_a_killed_recorder_loses_little_and_its_successor_joins(
     assert first.damage is not None
     assert first.damage.startswith("cut")
     lost = (killed - max(sample.time for sample in first.samples.values())) / 1e9
-    with capsys.disabled():
-        print(f"\nrecorder killed: the last {lost:.2f} s are lost")
+    figures(f"recorder killed: the last {lost:.2f} s are lost")
     # 0.25 s by the recorder's own test; here the way over the bus and a busy machine come on top.
     assert lost <= 1.0
     assert second.damage is None
@@ -93,17 +93,18 @@ def rest_times(recording: Recording) -> list[float]:
     return found
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=lambda number: number.name)
 def test_a_service_that_dies_or_freezes_is_restarted_and_the_push_goes_on(
-    number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    number: signal.Signals, tmp_path: Path, figures: Figures
 ) -> None:
     path = tmp_path / "live.mcap"
     lines = []
-    with running(short_session("fault", goal=[3.0, 0.1], time_limit=400), path) as system:
+    with running(short_session("fault", goal=[2.2, 0.1], time_limit=400), path) as system:
         assert system.ask_for_push().accepted
         for name in NODES:
             system.wait(lambda: system.status().phase == PushPhase.PUSHING, 30.0, f"pushing before {name} is hit")
-            time.sleep(2.0)
+            time.sleep(1.0)
             began = time.monotonic()
             os.kill(system.launcher.pids[name], number)
             system.wait(lambda name=name: system.launcher.restarts[name] == 1, 10.0, f"restart of {name}")  # type: ignore[misc]
@@ -113,9 +114,8 @@ def test_a_service_that_dies_or_freezes_is_restarted_and_the_push_goes_on(
     assert status.outcome == PushOutcome.DELIVERED, status
     recording = load(path)
     rests = rest_times(recording)
-    with capsys.disabled():
-        print(f"\n{number.name}: {', '.join(lines)}; base at rest after the last valid command: ", end="")
-        print(", ".join(f"{rest:.2f} s" for rest in rests))
+    figures(f"{number.name}: {', '.join(lines)}; base at rest after the last valid command:")
+    figures(", ".join(f"{rest:.2f} s" for rest in rests))
     assert rests
     assert max(rests) <= 0.3
     found = replay(recording)

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 
-import pytest
 import zenoh
 
 from replays import report
@@ -27,6 +26,7 @@ from runtime.recorder import header
 from runtime.recorder.writer import Recorder
 from runtime.sample import Sample
 from tests.fast_hosts import KINDS
+from tests.figures import Figures
 from tests.live_system import free_endpoint
 
 ROUNDS = 20
@@ -81,7 +81,7 @@ def one_round(session: zenoh.Session, hosts: list[subprocess.Popen[str]], robot:
     return load(path)
 
 
-def test_what_was_consumed_under_load_replays_every_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_was_consumed_under_load_replays_every_time(tmp_path: Path, figures: Figures) -> None:
     endpoint = free_endpoint()
     consumed, swaps = 0, 0
     with (
@@ -102,7 +102,6 @@ def test_what_was_consumed_under_load_replays_every_time(tmp_path: Path, capsys:
             # By time of publication, what came in another order than it was sent.
             times = [recording.samples[key].time for key in order]
             swaps += sum(after < before for before, after in pairwise(times))
-    with capsys.disabled():
-        print(f"\n{ROUNDS} of {ROUNDS} runs replayed identically: {consumed} messages, {swaps} not in the order sent")
+    figures(f"{ROUNDS} of {ROUNDS} runs replayed identically: {consumed} messages, {swaps} not in the order sent")
     assert consumed > 1000 * ROUNDS * ROUND * 0.3
     assert swaps > 0  # otherwise any order would have done

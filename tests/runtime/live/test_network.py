@@ -44,6 +44,7 @@ from runtime.messages import (
     VelocityCommand,
 )
 from runtime.sample import Sample
+from tests.figures import Figures
 from tests.live_system import START_LIMIT, System
 from tests.netbridge import Bridge, End, bridged
 from tests.netns import hosts, needs_netns
@@ -336,6 +337,7 @@ def no_restarts(system: Split) -> None:
         assert "was killed" not in text and " ended with " not in text, text
 
 
+@pytest.mark.alone
 @needs_netns
 @pytest.mark.parametrize(
     ("on_robot", "patience"),
@@ -348,13 +350,14 @@ def no_restarts(system: Split) -> None:
     ],
 )
 def test_a_cut_network_stops_the_base_and_the_push_goes_on_by_itself(
-    on_robot: Sequence[str], patience: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    on_robot: Sequence[str], patience: float, tmp_path: Path, figures: Figures
 ) -> None:
     crossing = "controller" not in on_robot
     cuts: list[tuple[float, int, int]] = []
     with split(tmp_path, on_robot, controller={"patience": patience}) as system:
         start_push(system, 1.0)
-        # Shorter than the lease, and not long before TCP tries again: what was sent comes late. Longer: links are given up.
+        # Shorter than the lease, and not long before TCP tries again: what was sent comes late. Longer: the links are
+        # given up.
         for seconds in (1.2, 5.0):
             system.bridge.cut()
             begin = time.time_ns()
@@ -383,13 +386,12 @@ def test_a_cut_network_stops_the_base_and_the_push_goes_on_by_itself(
             f"oldest {oldest:.2f} s"
         )
     longest = story.longest_motion_without_command()
-    with capsys.disabled():
-        print("\n" + "\n".join(lines))
-        print(
-            f"longest motion without a fresh command {longest:.2f} s; "
-            f"oldest position acted on {oldest_position(story):.2f} s; "
-            f"longest wait on the robot {longest_wait(system):.2f} s"
-        )
+    figures("\n".join(lines))
+    figures(
+        f"longest motion without a fresh command {longest:.2f} s; "
+        f"oldest position acted on {oldest_position(story):.2f} s; "
+        f"longest wait on the robot {longest_wait(system):.2f} s"
+    )
     assert longest <= STOPPING
     assert not story.speeding_up()
     assert not obeyed
@@ -401,6 +403,7 @@ def test_a_cut_network_stops_the_base_and_the_push_goes_on_by_itself(
     check_whole(story)
 
 
+@pytest.mark.alone
 @needs_netns
 @pytest.mark.parametrize(
     "on_robot",
@@ -410,7 +413,7 @@ def test_a_cut_network_stops_the_base_and_the_push_goes_on_by_itself(
     ],
 )
 def test_loss_and_delay_move_nothing_late_and_the_push_goes_on_when_they_end(
-    on_robot: Sequence[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    on_robot: Sequence[str], tmp_path: Path, figures: Figures
 ) -> None:
     crossing = "controller" not in on_robot
     # The link may break down for longer than the task waits for its object.
@@ -431,13 +434,12 @@ def test_loss_and_delay_move_nothing_late_and_the_push_goes_on_when_they_end(
     moved = [stamp for stamp, speed in story.speeds if begin + 10**9 <= stamp <= end and speed >= REST]
     again = next(one.time for one in story.fresh() if one.moving and one.time > end)
     longest = story.longest_motion_without_command()
-    with capsys.disabled():
-        print(
-            f"\n20 % loss and 100 ms each way for 10 s: the driver took {len(within)} commands, {len(fresh)} fresh, "
-            f"the oldest {max((one.age for one in within), default=0.0):.2f} s; the base moved in {len(moved)} looks; "
-            f"moved again {(again - end) / 1e9:.2f} s after; longest motion without a fresh command {longest:.2f} s; "
-            f"oldest position acted on {oldest_position(story):.2f} s; frames {passed}"
-        )
+    figures(
+        f"20 % loss and 100 ms each way for 10 s: the driver took {len(within)} commands, {len(fresh)} fresh, "
+        f"the oldest {max((one.age for one in within), default=0.0):.2f} s; the base moved in {len(moved)} looks; "
+        f"moved again {(again - end) / 1e9:.2f} s after; longest motion without a fresh command {longest:.2f} s; "
+        f"oldest position acted on {oldest_position(story):.2f} s; frames {passed}"
+    )
     assert longest <= STOPPING
     assert not story.speeding_up()
     assert all(way["lost"] > 0 for way in passed)
@@ -450,10 +452,9 @@ def test_loss_and_delay_move_nothing_late_and_the_push_goes_on_when_they_end(
     check_whole(story)
 
 
+@pytest.mark.alone
 @needs_netns
-def test_a_push_that_ended_while_the_network_was_cut_moves_nothing_afterwards(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_push_that_ended_while_the_network_was_cut_moves_nothing_afterwards(tmp_path: Path, figures: Figures) -> None:
     # The controller is on the robot: nobody tells it of the end, which the task on the laptop decides on.
     with split(tmp_path, ON_ROBOT) as system:
         system.goal.time_limit = 4.0
@@ -467,8 +468,7 @@ def test_a_push_that_ended_while_the_network_was_cut_moves_nothing_afterwards(
         no_restarts(system)
     story = Story(load(system.recording))
     moved = [(stamp - healed) / 1e9 for stamp, speed in story.speeds if stamp > healed and speed >= REST]
-    with capsys.disabled():
-        print(f"\na push ended during the cut: the base moved {max(moved, default=0.0):.2f} s after healing at most")
+    figures(f"a push ended during the cut: the base moved {max(moved, default=0.0):.2f} s after healing at most")
     assert status.phase == PushPhase.ENDED, status
     assert status.outcome == PushOutcome.FAILED
     assert max(moved, default=0.0) <= 4.0  # until the link is there again, and what was missed with it
@@ -496,6 +496,7 @@ print(len(trips), min(trips, default=0.0), max(trips, default=0.0))
 """
 
 
+@pytest.mark.alone
 @needs_netns
 def test_the_bridge_of_these_tests_delays_loses_and_cuts() -> None:
     with _namespace("a") as a, _namespace("b") as b:

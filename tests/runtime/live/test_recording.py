@@ -39,6 +39,7 @@ from runtime.recorder import header
 from runtime.recorder.writer import CannotRecord, Recorder
 from runtime.sample import INCARNATION, Sample
 from runtime.topics import TOPICS
+from tests.figures import Figures
 from tests.live_system import System, free_endpoint, running, short_session
 
 
@@ -82,7 +83,7 @@ def check_alone(recording: Recording, events: int = 10) -> None:
     assert all(node.events >= events for node in found.nodes)
 
 
-def test_parts_replay_alone_and_nothing_falls_between(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_parts_replay_alone_and_nothing_falls_between(tmp_path: Path, figures: Figures) -> None:
     session = session_that_records_to(tmp_path)
     with running(session, tmp_path / "first.mcap") as system:
         assert status(system).recording
@@ -146,9 +147,8 @@ def test_parts_replay_alone_and_nothing_falls_between(tmp_path: Path, capsys: py
     only = load(tmp_path / "alone.mcap")
     assert {topic for topic, _ in only.samples if topic in TOPICS} == {"command"}
     assert set(only.journals) == set(NODES)
-    with capsys.disabled():
-        sizes = ", ".join(f"{path.name} {path.stat().st_size / 1000:.0f} kB" for path in paths)
-        print(f"\n{done.messages} messages, {done.missed} missed, in {len(paths)} parts: {sizes}")
+    sizes = ", ".join(f"{path.name} {path.stat().st_size / 1000:.0f} kB" for path in paths)
+    figures(f"{done.messages} messages, {done.missed} missed, in {len(paths)} parts: {sizes}")
 
 
 def test_a_part_whose_tail_was_taken_away_is_found_out(tmp_path: Path) -> None:

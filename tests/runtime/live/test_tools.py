@@ -32,6 +32,7 @@ from runtime.messages import Health, InputHealth, PushGoal, PushOutcome, PushPha
 from runtime.sample import Sample
 from runtime.topics import TOPICS
 from tests.authority import Authority
+from tests.figures import Figures
 from tests.live_system import free_endpoint, running, short_session
 from tests.replays.inspect.rrd import column
 from tests.replays.inspect.synthetic_session import write_session
@@ -104,7 +105,8 @@ def pushlane(bus: BusConfig, *arguments: str, folder: Path) -> subprocess.Comple
     )
 
 
-def test_the_tools_tell_of_a_running_system(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.alone
+def test_the_tools_tell_of_a_running_system(tmp_path: Path, figures: Figures) -> None:
     session = short_session("tools", goal=[1.2, 0.1], time_limit=120)
     with running(session) as system:
         bus = system.bus
@@ -162,8 +164,7 @@ def test_the_tools_tell_of_a_running_system(tmp_path: Path, capsys: pytest.Captu
         assert np.hypot(poses[:, 0] - x, poses[:, 1] - y).min() < 0.05
     columns = [column(out, entity, "Scalars:scalars")[0] for entity in ("/angles/alpha", "/velocity/vx/base")]
     assert all(len(each) > 50 for each in columns)
-    with capsys.disabled():
-        print(f"\nlive view: {fed[0].messages} messages, {fed[0].dropped} given up; doctor: {text['rates']}")  # type: ignore[attr-defined]
+    figures(f"live view: {fed[0].messages} messages, {fed[0].dropped} given up; doctor: {text['rates']}")  # type: ignore[attr-defined]
 
 
 def test_doctor_without_a_system_says_so(tmp_path: Path) -> None:
@@ -390,7 +391,8 @@ def test_the_table_shows_services_and_the_push() -> None:
     assert watch.start == 7.0
 
 
-def test_a_live_view_that_hangs_holds_up_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.alone
+def test_a_live_view_that_hangs_holds_up_nobody(tmp_path: Path, figures: Figures) -> None:
     with running(short_session("stalled", goal=[1.0, 0.1], time_limit=120)) as system:
         settings = ["--set", "bus.robot=stalled", "--set", f'bus.connect=["{system.bus.connect[0]}"]']
         command = [sys.executable, "-m", "runtime.cli.main", "inspect", "--live", "--save", "a.rrd", *settings]
@@ -418,8 +420,7 @@ def test_a_live_view_that_hangs_holds_up_nobody(tmp_path: Path, capsys: pytest.C
             bridge.wait()
         health = {name: Health.FromString(system.heard[f"health/{name}"][-1].payload) for name in NODES}
     gaps = np.diff([sample.time for sample in commands]) / 1e9
-    with capsys.disabled():
-        print(f"\nlive view hung for 6 s: longest time between two commands {1000 * gaps.max():.0f} ms; {said.strip()}")
+    figures(f"live view hung for 6 s: longest time between two commands {1000 * gaps.max():.0f} ms; {said.strip()}")
     assert status.outcome == PushOutcome.DELIVERED
     # A service that waited for it would have been silent for the lease of 2 s at least.
     assert gaps.max() < 1.0
