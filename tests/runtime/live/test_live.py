@@ -100,7 +100,7 @@ def test_a_service_that_dies_or_freezes_is_restarted_and_the_push_goes_on(
 ) -> None:
     path = tmp_path / "live.mcap"
     lines = []
-    with running(short_session("fault", goal=[2.2, 0.1], time_limit=400), path) as system:
+    with running(short_session("fault", goal=[3.0, 0.1], time_limit=400), path) as system:
         assert system.ask_for_push().accepted
         for name in NODES:
             system.wait(lambda: system.status().phase == PushPhase.PUSHING, 30.0, f"pushing before {name} is hit")
