@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from runtime.cli.experience import ExperienceFile, with_experience
 from runtime.cli.options import Assignments, ConfigFile, layers
 
 
@@ -26,9 +27,11 @@ experiment = typer.Typer(no_args_is_help=True, help="Run many pushes and print f
 def register(root: typer.Typer) -> None:
     """Add the verbs of this module to `root`."""
     root.command(name="sim")(sim)
+    from experiments.beyond import cli as beyond
     from experiments.paper import cli as paper
 
     paper.register(experiment)
+    beyond.register(experiment)
     root.add_typer(experiment, name="experiment")
 
 
@@ -63,6 +66,7 @@ def sim(
     mode: Annotated[
         Mode, typer.Option(help="local: all services in this process; lockstep: each in its own, stepped over Zenoh.")
     ] = Mode.LOCAL,
+    experience: ExperienceFile = None,
     config: ConfigFile = None,
     assignments: Assignments = None,
     list_: Annotated[
@@ -95,7 +99,7 @@ def sim(
         "--seed": ("seed", seed),
     }
     options = [Layer(flag, {"sim": {key: value}}) for flag, (key, value) in given.items() if value not in (None, "")]
-    session = prepare([*layers(config, assignments), *options])
+    session = prepare([*with_experience(layers(config, assignments), experience), *options])
     delivered = watching.show(
         session,
         output,

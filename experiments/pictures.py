@@ -137,7 +137,7 @@ def _overview(
 
 
 def main() -> None:
-    """Write scene-NAME.png, object-NAME.png, scenes.png and objects.png."""
+    """Write scene-NAME.png, object-NAME.png, scenes.png, recovery.png and objects.png."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name in scene.names():
         figure = Figure(figsize=(5.6, 4.8), layout="constrained")
@@ -150,7 +150,10 @@ def main() -> None:
         figure = Figure(figsize=(4.2, 4.8), layout="constrained")
         draw_object(figure.add_subplot(), name)
         figure.savefig(FOLDER / f"object-{name}.png", dpi=_DPI)
-    _overview("scenes", scene.names(), (4, 3), lambda axes, name: draw_scene(axes, scene.get(name), False))
+    recovery = tuple(name for name in scene.names() if name.startswith("recovery-"))
+    others = tuple(name for name in scene.names() if name not in recovery)
+    for overview, shown, shape in (("scenes", others, (4, 3)), ("recovery", recovery, (3, 2))):
+        _overview(overview, shown, shape, lambda axes, name: draw_scene(axes, scene.get(name), False))
     _overview("objects", objects.names(), (5, 3), lambda axes, name: draw_object(axes, name, False))
 
 

@@ -59,6 +59,13 @@ class SimConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         float,
         Meta(gt=0.3, le=4, description="times the pushing corridor's half width; 1 except in corridor-1 to corridor-3"),
     ] = 1.0
+    object_diameter: Annotated[
+        float, Meta(ge=0, le=2, description="d_o, m: the object scaled to this, its mass kept; 0: its own")
+    ] = 0.0
+    object_mass: Annotated[float, Meta(ge=0, le=100, description="kg; 0: drawn from the object's range")] = 0.0
+    object_friction: Annotated[
+        float, Meta(ge=0, le=2, description="between floor and an object that slides; 0: drawn from its range")
+    ] = 0.0
     perception: Annotated[
         Literal["truth"], Meta(description="truth: positions from the simulation, with noise and delay")
     ] = "truth"
@@ -167,6 +174,7 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
     words = [int(word) >> 1 for word in np.random.SeedSequence(sim.seed).generate_state(3, np.uint64)]
     generator = np.random.Generator(np.random.PCG64(words[0]))
     body = objects.draw(objects.get(name), generator)
+    body = variants.altered(body, sim.object_diameter, sim.object_mass, sim.object_friction)
     room = variants.widened(room, sim.width, BaseModel().diameter)
     room = variants.started(room, sim.start, BaseModel().diameter, body.diameter, sim.seed)
     room = scene.jittered(room, generator)

@@ -12,7 +12,7 @@ from drivers.sapien.occupancy import rasterise
 from runtime import topics
 from runtime.messages import ObjectState, OccupancyGrid, Pose2, RobotPose, Truth, Vector2, Visibility
 from runtime.service import Effects, Input, Output, Service, Timer, on
-from runtime.time import Time, nanoseconds
+from runtime.time import Time, nanoseconds, seconds
 
 _PERIOD = 0.01
 
@@ -25,6 +25,19 @@ class PerceptionState:
     mapped: bool = False
     robots: list[tuple[Time, RobotPose]] = field(default_factory=list)
     objects: list[tuple[Time, ObjectState]] = field(default_factory=list)
+
+
+@dataclass
+class BlindState(PerceptionState):
+    """The state where the scene has blind spells.
+
+    Attributes:
+        began: ns, when the first truth came.
+        seen: the object as it was seen last.
+    """
+
+    began: Time = 0
+    seen: ObjectState | None = None
 
 
 class TruthPerception(Service):
@@ -45,7 +58,8 @@ class TruthPerception(Service):
 
     def __init__(self, config: TruthPerceptionConfig) -> None:
         super().__init__(config)
-        self.state = PerceptionState(np.random.Generator(np.random.PCG64(config.seed)))
+        kind = BlindState if config.scene.blind else PerceptionState
+        self.state = kind(np.random.Generator(np.random.PCG64(config.seed)))
 
     @on(truth)
     def observe(self, truth: Truth, now: Time) -> Effects:
@@ -84,6 +98,8 @@ class TruthPerception(Service):
         if config.yaw:
             seen.yaw = wrap(truth.object.theta + config.object_yaw_noise * draws[5])
             seen.yaw_variance = config.object_yaw_noise**2
+        if isinstance(self.state, BlindState):
+            seen = self._tracked(self.state, seen, now)
         self.state.objects.append((now + nanoseconds(float(delays[1])), seen))
         if not self.state.mapped:
             self.state.mapped = True
@@ -96,6 +112,20 @@ class TruthPerception(Service):
             yield self.robot(self.state.robots.pop(0)[1])
         while self.state.objects and self.state.objects[0][0] <= now:
             yield self.object(self.state.objects.pop(0)[1])
+
+    def _tracked(self, state: BlindState, there: ObjectState, now: Time) -> ObjectState:
+        """Return what a tracker says of the object: in a blind spell that it is lost, and where it was seen last."""
+        if not state.mapped:
+            state.began = now
+        since = seconds(now - state.began)
+        if not any(spell.begin <= since < spell.end for spell in self.config.scene.blind):
+            state.seen = there
+            return there
+        lost = ObjectState(diameter=there.diameter)
+        if state.seen is not None:
+            lost.CopyFrom(state.seen)
+        lost.stamp, lost.visibility = there.stamp, Visibility.LOST
+        return lost
 
     def _grid(self, now: Time) -> OccupancyGrid:
         grid = rasterise(self.config.scene, self.config.map_resolution)

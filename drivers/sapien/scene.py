@@ -107,11 +107,22 @@ class SensorNoise(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     odometry_heading: Noise = 0.01
 
 
+class Spell(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """From `begin` to before `end`: s since perception began."""
+
+    begin: Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)]
+    end: Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)]
+
+    def __post_init__(self) -> None:
+        if not self.begin < self.end:
+            raise ValueError(f"begin is {self.begin} s, expected less than end, {self.end} s")
+
+
 class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One room and one task in it. Outer walls WALL m thick stand around `bounds`.
 
     robot, object: where they start; the object's place is that of o. goal: where o is to go.
-    default_object: a name of `objects.names()`.
+    default_object: a name of `objects.names()`. blind: when the tracker has lost the object.
     """
 
     name: str
@@ -125,6 +136,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     default_object: str
     jitter: Jitter = Jitter()
     noise: SensorNoise = SensorNoise()
+    blind: tuple[Spell, ...] = ()
 
     def obstacles(self) -> tuple[Shape, ...]:
         """Return the outer walls, boxes and discs as plain shapes, map frame."""

@@ -1,4 +1,4 @@
-"""A scene changed for an experiment: its corridor wider or narrower, or the base starting elsewhere."""
+"""A scene or object changed for an experiment: corridor width, where the base starts, size, mass and friction."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from math import atan2, cos, hypot, pi, radians, sin, tan
 import msgspec
 import numpy as np
 
+from drivers.sapien.objects import ObjectBody
 from drivers.sapien.scene import Bounds, BoxObstacle, Place, Scene
 from drivers.sapien.shapes import Box, Disc, Shape
 from runtime.errors import PushlaneError
@@ -22,6 +23,10 @@ _TURNS = {"behind": (0.0,), "beside": (pi / 2, -pi / 2), "front": (pi,)}
 
 class CannotScale(PushlaneError):
     """The scene is no synthetic corridor, or its walls would close; the message says which."""
+
+
+class CannotAlter(PushlaneError):
+    """The object does not slide, so no floor friction of it can be set; the message says which."""
 
 
 class NoRoomToStart(PushlaneError):
@@ -108,6 +113,48 @@ def started(scene: Scene, start: str, robot_diameter: float, object_diameter: fl
     raise NoRoomToStart(
         f"sim.start is '{start}', but in scene '{scene.name}' a base of {robot_diameter:g} m does not fit there"
     )
+
+
+def altered(body: ObjectBody, diameter: float = 0.0, mass: float = 0.0, friction: float = 0.0) -> ObjectBody:
+    """Return `body` with another size, mass or floor friction, each alone; what is 0 stays.
+
+    Args:
+        diameter: d_o, m. Everything that has a place grows in proportion; the mass stays.
+        mass: kg. Its distribution stays.
+        friction: between floor and object.
+
+    Raises:
+        CannotAlter: see there.
+    """
+    if friction and (body.wheels or body.rolls):
+        raise CannotAlter(
+            f"sim.object_friction is {friction:g}, but object '{body.name}' {'rolls' if body.rolls else 'has wheels'}; "
+            "expected an object that slides"
+        )
+    scale = diameter / body.diameter if diameter else 1.0
+    heavier = mass / body.mass if mass else 1.0
+    if scale != 1.0:
+        body = msgspec.structs.replace(
+            body,
+            parts=tuple(_scaled(part, scale) for part in body.parts),
+            diameter=diameter,
+            inertia=body.inertia * scale**2,
+            centre_x=body.centre_x * scale,
+            centre_y=body.centre_y * scale,
+            wheels=tuple(msgspec.structs.replace(one, x=one.x * scale, y=one.y * scale) for one in body.wheels),
+        )
+    if heavier != 1.0:
+        body = msgspec.structs.replace(
+            body, mass=mass, inertial_mass=body.inertial_mass * heavier, inertia=body.inertia * heavier
+        )
+    return msgspec.structs.replace(body, friction=friction) if friction else body
+
+
+def _scaled(shape: Shape, scale: float) -> Shape:
+    x, y = shape.x * scale, shape.y * scale
+    if isinstance(shape, Disc):
+        return msgspec.structs.replace(shape, x=x, y=y, radius=shape.radius * scale)
+    return msgspec.structs.replace(shape, x=x, y=y, length=shape.length * scale, width=shape.width * scale)
 
 
 def _reaching(moved: BoxObstacle, box: BoxObstacle, old: Bounds, new: Bounds) -> BoxObstacle:

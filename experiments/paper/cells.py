@@ -67,7 +67,13 @@ class Cell(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Task(msgspec.Struct, frozen=True, kw_only=True):
-    """One trial to be run. precision: m."""
+    """One trial to be run.
+
+    Attributes:
+        precision: m.
+        case: what tells the trial from others of the same scene and object, in words; empty in the paper's experiments.
+        settings: configuration that the case adds to the user's, as JSON; empty: none.
+    """
 
     experiment: str
     method: str
@@ -78,11 +84,14 @@ class Task(msgspec.Struct, frozen=True, kw_only=True):
     controller: str
     precision: float
     seed: int
+    case: str = ""
+    settings: str = ""
 
     @property
-    def key(self) -> tuple[str, str, str, str, str, int]:
+    def key(self) -> tuple[str, str, str, str, str, str, str, int]:
         """Return what tells this trial from every other."""
-        return self.experiment, self.method, self.start, self.scene, self.object, self.seed
+        kind = self.experiment, self.method, self.start, self.scene, self.object
+        return *kind, self.case, self.settings, self.seed
 
 
 def methods_of(experiment: str, wanted: Sequence[str] = ()) -> tuple[str, ...]:

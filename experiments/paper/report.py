@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+
+import msgspec
 
 from experiments.paper import plots
 from experiments.paper.cells import HOUSEHOLD, TITLES, WHAT_A_CELL_IS, Cell, Task, cell_of, cells, task
@@ -52,10 +55,10 @@ def write(
         *_notes(),
         *(line for table in found for line in (table.markdown(), "")),
         *_pictures(pictures),
-        *_failures(outcomes, kept, folder),
+        *failures(outcomes, kept, folder),
     ]
     (folder / "report.md").write_text("\n".join(text), encoding="utf-8")
-    (folder / "failures.md").write_text(_every_failure(outcomes, run), encoding="utf-8")
+    (folder / "failures.md").write_text(every_failure(outcomes, run), encoding="utf-8")
     return found
 
 
@@ -113,24 +116,31 @@ def _head(run: Facts, outcomes: Sequence[Outcome], command: str, jobs: int) -> l
         if min(counts.values(), default=0) < WANTED
         else f"Trials a cell: {told}."
     )
-    versions = ", ".join(f"{name} {run.versions.get(name, 'missing')}" for name in _SHOWN_VERSIONS)
     return [
         "# The paper's experiments in simulation",
         "",
         short,
         "",
-        f"- Made by `{command}`, {jobs} process{'es' if jobs > 1 else ''}, begun {run.begun}; "
-        f"first seed {run.first_seed}.",
-        f"- Settings given: {run.settings if run.settings != '[]' else 'none'}.",
-        f"- Code: commit {run.commit[:12] or 'unknown'}{' with uncommitted changes' if run.dirty else ''}, "
-        f"digest of the source {run.code}.",
-        f"- Machine: {run.processor or 'unknown processor'} ({', '.join(run.cpu)}); {versions}.",
+        *provenance(run, command, jobs),
         f"- {len(outcomes)} trials. {WHAT_A_CELL_IS} Trial i has the same seed in every cell: methods meet the same "
         "objects, starts and noise.",
         "- Success is the paper's (Sec. 6.2), judged by the simulation's truth: the object's centre within the "
         "precision, neither centre ever outside the pushing corridor, within 400 s. Intervals are Wilson's at 95 %. "
         "Efforts and times are means over successes, as in the paper.",
         "",
+    ]
+
+
+def provenance(run: Facts, command: str, jobs: int) -> list[str]:
+    """Return lines that say what a run was made by, with and on."""
+    versions = ", ".join(f"{name} {run.versions.get(name, 'missing')}" for name in _SHOWN_VERSIONS)
+    return [
+        f"- Made by `{command}`, {jobs} process{'es' if jobs > 1 else ''}, begun {run.begun}; "
+        f"first seed {run.first_seed}.",
+        f"- Settings given: {run.settings if run.settings != '[]' else 'none'}.",
+        f"- Code: commit {run.commit[:12] or 'unknown'}{' with uncommitted changes' if run.dirty else ''}, "
+        f"digest of the source {run.code}.",
+        f"- Machine: {run.processor or 'unknown processor'} ({', '.join(run.cpu)}); {versions}.",
     ]
 
 
@@ -176,7 +186,8 @@ def _pictures(pictures: Sequence[tuple[str, str]]) -> list[str]:
     return lines
 
 
-def _failures(outcomes: Sequence[Outcome], kept: Sequence[tuple[Outcome, Path]], folder: Path) -> list[str]:
+def failures(outcomes: Sequence[Outcome], kept: Sequence[tuple[Outcome, Path]], folder: Path) -> list[str]:
+    """Return the section of a report that says how many failed, and where recordings are."""
     failed = sum(not one.success for one in outcomes)
     lines = [
         "## Failures",
@@ -189,7 +200,8 @@ def _failures(outcomes: Sequence[Outcome], kept: Sequence[tuple[Outcome, Path]],
     return [*lines, ""]
 
 
-def _every_failure(outcomes: Sequence[Outcome], run: Facts) -> str:
+def every_failure(outcomes: Sequence[Outcome], run: Facts) -> str:
+    """Return failures.md: each failed trial with its seed, and how to record it."""
     lines = [
         "# Every failed trial",
         "",
@@ -210,10 +222,24 @@ def _every_failure(outcomes: Sequence[Outcome], run: Facts) -> str:
 def options(one: Outcome) -> str:
     """Return the options of `pushlane sim` that give the push of `one`."""
     start = f" --set sim.start={one.start}" if one.start != "scene" else ""
+    start += "".join(f" --set {shlex.quote(each)}" for each in assignments(one.settings))
     return (
         f"--scene {one.scene} --object {one.object} --strategy {one.strategy} --controller {one.controller} "
         f"--precision {one.precision:g} --seed {one.seed}{start}"
     )
+
+
+def assignments(settings: str) -> list[str]:
+    """Return the settings of a case as --set takes them."""
+
+    def told(key: str, value: object) -> Iterator[str]:
+        if isinstance(value, dict):
+            for name, inner in value.items():
+                yield from told(f"{key}.{name}" if key else name, inner)
+        else:
+            yield f"{key}={msgspec.json.encode(value).decode()}"
+
+    return list(told("", msgspec.json.decode(settings))) if settings else []
 
 
 def _counts(outcomes: Sequence[Outcome]) -> Counter[Cell]:

@@ -116,7 +116,8 @@ def session_of(task: Task, layers: Sequence[Layer]) -> Session:
         ConfigError, CannotScale, NoRoomToStart: see there.
     """
     names = ("scene", "object", "strategy", "controller", "precision", "seed", "start")
-    return prepare([*layers, Layer("experiment", {"sim": {name: getattr(task, name) for name in names}})])
+    own = [Layer("experiment", msgspec.json.decode(task.settings))] if task.settings else []
+    return prepare([*layers, *own, Layer("experiment", {"sim": {name: getattr(task, name) for name in names}})])
 
 
 def attempt(task: Task, layers: Sequence[Layer]) -> Outcome:

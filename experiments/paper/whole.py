@@ -3,31 +3,38 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.paper import report, running
-from experiments.paper.cells import STARTS, Cell, Task, cell_of, cells, tasks
+from experiments.paper.cells import STARTS, Task, cell_of, cells, tasks
 from experiments.paper.store import Store
 from experiments.paper.trial import Outcome, session_of
 from runtime.config.layers import ConfigError, Layer
 
 
-@dataclass(frozen=True)
-class Order:
-    """What is to be run; see the options of `pushlane experiment all`."""
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """How a run is to be made; see the options of `pushlane experiment all`."""
 
-    experiments: tuple[str, ...]
     trials: int
     jobs: int
     first_seed: int
     folder: Path
-    methods: tuple[str, ...]
-    starts: tuple[str, ...]
     failures: int
     drawn: bool
     layers: list[Layer]
     command: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order(Run):
+    """What is to be run; see the options of `pushlane experiment all`."""
+
+    experiments: tuple[str, ...]
+    methods: tuple[str, ...]
+    starts: tuple[str, ...]
 
 
 def carry_out(order: Order) -> bool:
@@ -44,6 +51,30 @@ def carry_out(order: Order) -> bool:
         raise ConfigError(
             f"--methods {','.join(order.methods)}: no method of {', '.join(order.experiments)} among them"
         )
+    store, whole, kept = pushed(order, wanted, lambda one: cell_of(one).name)
+    found = report.write(
+        order.folder, store.facts, store.outcomes, order.layers, order.command, order.jobs, kept, order.drawn and whole
+    )
+    for table in found:
+        print(table.markdown(), end="\n\n")
+    print(f"{order.folder / 'report.md'}: {len(store.outcomes)} trials", flush=True)
+    return whole
+
+
+def pushed(
+    order: Run, wanted: list[Task], cell: Callable[[Task], str]
+) -> tuple[Store, bool, list[tuple[Outcome, Path]]]:
+    """Run those of `wanted` that are not in the folder yet, and record failures.
+
+    Args:
+        cell: the folder that a task's recording goes to; failures are counted for each.
+
+    Returns:
+        The store, closed; False if it was interrupted; the failures that are recorded, with their files.
+
+    Raises:
+        ConfigError, BadRun, CannotScale, CannotAlter, NoRoomToStart, WorkerDied: see there.
+    """
     _check(wanted, order.layers)
     store = Store(order.folder, order.layers, order.first_seed)
     done = {one.key for one in store.outcomes}
@@ -58,36 +89,30 @@ def carry_out(order: Order) -> bool:
         print("interrupted: the report is of the trials there are; the same command goes on", flush=True)
     finally:
         store.close()
-    kept = _recorded(store.outcomes, order) if whole else []
-    found = report.write(
-        order.folder, store.facts, store.outcomes, order.layers, order.command, order.jobs, kept, order.drawn and whole
-    )
-    for table in found:
-        print(table.markdown(), end="\n\n")
-    print(f"{order.folder / 'report.md'}: {len(store.outcomes)} trials", flush=True)
-    return whole
+    return store, whole, _recorded(store.outcomes, order, cell) if whole else []
 
 
 def _check(wanted: list[Task], layers: list[Layer]) -> None:
     """Raise what would go wrong with every trial of a scene before the first is run."""
-    first: dict[tuple[str, str], Task] = {}
+    first: dict[tuple[str, ...], Task] = {}
     for one in wanted:
-        first.setdefault((one.scene, one.start), one)
+        # What a case sets may be refused for one object and not for another.
+        first.setdefault((one.scene, one.start, one.settings, one.object if one.settings else ""), one)
     for one in first.values():
         session_of(one, layers)
 
 
-def _recorded(outcomes: list[Outcome], order: Order) -> list[tuple[Outcome, Path]]:
+def _recorded(outcomes: Iterable[Outcome], order: Run, cell: Callable[[Task], str]) -> list[tuple[Outcome, Path]]:
     """Record the first failures of each cell that are not recorded yet; returns all that are."""
-    by_cell: dict[Cell, list[Outcome]] = defaultdict(list)
+    by_cell: dict[str, list[Outcome]] = defaultdict(list)
     for one in outcomes:
         if not one.success:
-            by_cell[cell_of(one)].append(one)
+            by_cell[cell(one)].append(one)
     kept = []
-    for cell, failed in by_cell.items():
+    for folder, failed in by_cell.items():
         failed.sort(key=lambda one: one.seed)
         first = failed[: order.failures if order.failures >= 0 else None]
-        kept += [(one, order.folder / "failures" / cell.name / f"seed-{one.seed}.mcap") for one in first]
+        kept += [(one, order.folder / "failures" / folder / f"seed-{one.seed}.mcap") for one in first]
     missing = [(_task(one), path) for one, path in kept if not path.exists()]
     for _, path in missing:
         path.parent.mkdir(parents=True, exist_ok=True)

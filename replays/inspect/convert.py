@@ -6,6 +6,7 @@ from pathlib import Path
 
 from replays.inspect.bodies import draw_bodies
 from replays.inspect.canvas import Canvas
+from replays.inspect.expected import draw_expected
 from replays.inspect.facts import draw_facts
 from replays.inspect.layout import Layout
 from replays.inspect.learning import draw_learning
@@ -13,6 +14,7 @@ from replays.inspect.log import draw_log
 from replays.inspect.places import ground, places
 from replays.inspect.plan import draw_plan
 from replays.inspect.plots import draw_plots
+from replays.inspect.response import draw_response
 from replays.inspect.sensing import draw_sensing
 from replays.inspect.session import read_session
 from replays.inspect.states import draw_states
@@ -28,6 +30,8 @@ def convert(path: Path, out: Path) -> InspectSummary:
     draw_bodies(canvas, session, where)
     draw_sensing(canvas, session, where)
     draw_learning(canvas, session, where)
+    draw_response(canvas, session, where)
+    draw_expected(canvas, session, where)
     draw_plots(canvas, session, where)
     draw_states(canvas, session)
     draw_log(canvas, session)

@@ -11,6 +11,7 @@ from replays.inspect.bodies import NEAR
 from replays.inspect.canvas import TIMELINE, Canvas
 from replays.inspect.learning import HISTORY
 from replays.inspect.places import Ground
+from replays.inspect.response import BODY
 
 HALF_VIEW = math.radians(55.0) / 2.0  # half the vertical opening of Rerun's eye
 ASPECT = 1.12  # width over height of the map view, at its narrowest
@@ -72,11 +73,13 @@ class Layout:
         return _tabs(views)
 
     def _close_up(self) -> rrb.Container:
-        """What happens now: the object from near, the camera, the activation."""
+        """What happens now: the object from near, what is known of it, the camera, the activation."""
         views: list[rrb.View] = []
         if self._canvas.has("/map/object"):
             eye = rrb.EyeControls3D(position=(0.0, 0.0, 1.5), look_target=(0.0, 0.0, 0.0), eye_up=NORTH)
             views.append(_from_above("Near the object", eye, origin=NEAR))
+        if self._canvas.has(f"{BODY}/outline"):
+            views.append(_learned())
         if self._canvas.has("/camera"):
             views.append(rrb.Spatial2DView(origin="/camera", name="Camera"))
         if self._canvas.has("/activation"):
@@ -87,13 +90,14 @@ class Layout:
         """What was learned over the session."""
         plots = self._plots(
             WIDE,
+            ("/prediction", "Prediction error over 0.4 s [m]"),
             ("/angles", "Angles alpha, gamma, mu [rad]"),
             ("/learned", "kappa"),
             ("/samples", "Samples"),
             ("/blend", "psi_push, psi_relocate"),
         )
         if not self._canvas.has("/history"):
-            return _beside(plots)
+            return _beside(plots, self._plots(WIDE, ("/expectation", "Object off its plan [m]")))
         # The picture and a little more: the view fills its width, and must not cut the labels off.
         width, height = HISTORY
         bounds = rrb.VisualBounds2D(x_range=(0.0, width), y_range=(-0.08 * height, 1.08 * height))
@@ -160,6 +164,19 @@ def _from_above(name: str, eye: rrb.EyeControls3D, origin: str = "/map") -> rrb.
         line_grid=rrb.LineGrid3D(visible=False),
         background=rrb.Background(color=(14, 15, 19, 255)),
         overrides={"/map/trail/robot": trails, "/map/trail/object": trails},
+    )
+
+
+def _learned() -> rrb.Spatial3DView:
+    """What is known of the object, in its own frame: it stands still, and the robot goes around it."""
+    eye = rrb.EyeControls3D(position=(0.0, 0.0, 0.92), look_target=(0.0, 0.0, 0.0), eye_up=NORTH)
+    return rrb.Spatial3DView(
+        origin=BODY,
+        contents=[f"{BODY}/**", "/map/object/rim", "/map/robot/rim", "/map/robot/heading"],
+        name="What was learned (the object's frame)",
+        eye_controls=eye,
+        line_grid=rrb.LineGrid3D(visible=False),
+        background=rrb.Background(color=(14, 15, 19, 255)),
     )
 
 

@@ -13,7 +13,7 @@ from replays.inspect.canvas import Canvas, raised
 from replays.inspect.places import Places
 from replays.inspect.session import Session, Track
 from replays.inspect.shapes import activation_lobe, psi_push
-from runtime.messages import PushBehaviour, PushTarget
+from runtime.messages import PushBehaviour, PushGoal, PushTarget
 
 LOBE_HEIGHT = 0.045
 LOBE_REACH = 0.45  # m between the object's circle and the lobe where psi_push = 1
@@ -35,16 +35,24 @@ class Learned:
 
 
 def draw_learning(canvas: Canvas, session: Session, where: Places, history: bool = True) -> None:
-    """All three pictures; nothing without push/behaviour. The one over the session needs the whole of it."""
+    """All three pictures; nothing without push/behaviour, or where it is not used.
+
+    The one over the session needs the whole of it.
+    """
     track = session.track("push/behaviour", PushBehaviour)
-    if not len(track):
+    # The predictive controller has no use for the activation.
+    goals = session.track("push/goal", PushGoal)
+    at = goals.latest(track.times)
+    used = np.array([index < 0 or goals.messages[index].controller != "predictive" for index in at], bool)
+    messages = [track.messages[index] for index in np.flatnonzero(used)]
+    if not messages:
         return
     learned = Learned(
-        track.times,
-        np.array([m.alpha for m in track.messages]),
-        np.array([m.mu for m in track.messages]),
-        np.array([m.kappa for m in track.messages]),
-        np.array([m.alpha_p for m in track.messages]),
+        track.times[used],
+        np.array([m.alpha for m in messages]),
+        np.array([m.mu for m in messages]),
+        np.array([m.kappa for m in messages]),
+        np.array([m.alpha_p for m in messages]),
     )
     _draw_lobe(canvas, session.track("push/target", PushTarget), learned, where)
     _draw_bars(canvas, learned)

@@ -24,12 +24,14 @@ from numpy.typing import NDArray
 from replays.inspect.bodies import draw_bodies
 from replays.inspect.canvas import Canvas
 from replays.inspect.errors import ViewError
+from replays.inspect.expected import draw_expected
 from replays.inspect.layout import Layout
 from replays.inspect.learning import draw_learning
 from replays.inspect.log import draw_log
 from replays.inspect.places import ground, places
 from replays.inspect.plan import draw_plan
 from replays.inspect.plots import draw_plots
+from replays.inspect.response import draw_response
 from replays.inspect.sensing import draw_sensing
 from replays.inspect.session import Session, Track
 from replays.inspect.states import draw_states
@@ -133,6 +135,8 @@ class Feed:
         draw_bodies(canvas, session, where)
         draw_sensing(canvas, session, where)
         draw_learning(canvas, session, where, history=False)
+        draw_response(canvas, session, where)
+        draw_expected(canvas, session, where, taken=False)
         draw_plots(canvas, session, where)
         draw_states(canvas, session)
         draw_log(canvas, session)

@@ -61,13 +61,13 @@ def _draw_corridors(canvas: Canvas, session: Session) -> None:
     if not len(track):
         return
     paths = [np.column_stack([m.path.x, m.path.y]).astype(np.float64).reshape(-1, 2) for m in track.messages]
-    _strips(canvas, "/map/corridor/path", track.times, [[path] for path in paths], EDGE, palette.PATH, 2.0)
+    lines_over_time(canvas, "/map/corridor/path", track.times, [[path] for path in paths], EDGE, palette.PATH, 2.0)
     for name, edges, colour in (
         ("edge_push", [m.edge_push for m in track.messages], palette.CORRIDOR),
         ("edge_object", [m.edge_object for m in track.messages], palette.OBJECT_CORRIDOR),
     ):
         lines = [[np.column_stack([e.x, e.y]).reshape(-1, 2) for e in each] for each in edges]
-        _strips(canvas, f"/map/corridor/{name}", track.times, lines, EDGE, colour, 2.2)
+        lines_over_time(canvas, f"/map/corridor/{name}", track.times, lines, EDGE, colour, 2.2)
     for name, widths, colour, height in (
         ("fill_push", [m.width_push for m in track.messages], palette.CORRIDOR_FILL, FILL),
         ("fill_object", [m.width_object for m in track.messages], palette.OBJECT_CORRIDOR_FILL, INNER_FILL),
@@ -87,7 +87,7 @@ def _draw_corridors(canvas: Canvas, session: Session) -> None:
         )
 
 
-def _strips(
+def lines_over_time(
     canvas: Canvas,
     entity: str,
     times: NDArray[np.int64],

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
+from runtime.cli.experience import ExperienceFile, with_experience
 from runtime.cli.options import Assignments, ConfigFile, bus_of, layers
 from runtime.config.layers import ConfigError
 
@@ -50,6 +51,7 @@ def run(
     join: Annotated[
         bool, typer.Option("--join", help="The meeting point is another launcher, or a Zenoh router, at bus.connect.")
     ] = False,
+    experience: ExperienceFile = None,
     assignments: Assignments = None,
 ) -> None:
     """Start the services of this machine, each in its own process, and keep them alive until Ctrl-C.
@@ -61,7 +63,7 @@ def run(
     from runtime.live.launcher import Launcher
     from runtime.live.table import shown
 
-    given = layers(system, assignments)
+    given = with_experience(layers(system, assignments), experience)
     hosts: dict[str, list[str]] = {}
     for layer in given:
         hosts |= layer.values.pop("hosts", {})

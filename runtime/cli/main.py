@@ -18,6 +18,7 @@ from runtime.errors import PushlaneError
 VERB_MODULES = (
     "experiments.cli",
     "replays.cli",
+    "replays.experience",
     "runtime.cli.live",
     "runtime.cli.topics",
     "runtime.cli.config",

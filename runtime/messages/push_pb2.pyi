@@ -138,7 +138,7 @@ class PushTarget(_message.Message):
     def __init__(self, stamp: _Optional[int] = ..., corridor_version: _Optional[int] = ..., target: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., object: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., push_position: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., strategy: _Optional[str] = ..., fallback: _Optional[bool] = ..., distance_to_go: _Optional[float] = ..., plan: _Optional[_Union[PushPlan, _Mapping]] = ...) -> None: ...
 
 class PushPlan(_message.Message):
-    __slots__ = ("ahead", "bias", "speed", "side", "cost", "object_path", "robot_path", "speed_full", "approach", "slowest", "margin", "body", "stand", "lean")
+    __slots__ = ("ahead", "bias", "speed", "side", "cost", "object_path", "robot_path", "speed_full", "approach", "slowest", "margin", "body", "stand", "lean", "speed_walk")
     AHEAD_FIELD_NUMBER: _ClassVar[int]
     BIAS_FIELD_NUMBER: _ClassVar[int]
     SPEED_FIELD_NUMBER: _ClassVar[int]
@@ -153,6 +153,7 @@ class PushPlan(_message.Message):
     BODY_FIELD_NUMBER: _ClassVar[int]
     STAND_FIELD_NUMBER: _ClassVar[int]
     LEAN_FIELD_NUMBER: _ClassVar[int]
+    SPEED_WALK_FIELD_NUMBER: _ClassVar[int]
     ahead: float
     bias: float
     speed: float
@@ -167,10 +168,11 @@ class PushPlan(_message.Message):
     body: float
     stand: float
     lean: float
-    def __init__(self, ahead: _Optional[float] = ..., bias: _Optional[float] = ..., speed: _Optional[float] = ..., side: _Optional[float] = ..., cost: _Optional[float] = ..., object_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., robot_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., speed_full: _Optional[float] = ..., approach: _Optional[float] = ..., slowest: _Optional[float] = ..., margin: _Optional[float] = ..., body: _Optional[float] = ..., stand: _Optional[float] = ..., lean: _Optional[float] = ...) -> None: ...
+    speed_walk: float
+    def __init__(self, ahead: _Optional[float] = ..., bias: _Optional[float] = ..., speed: _Optional[float] = ..., side: _Optional[float] = ..., cost: _Optional[float] = ..., object_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., robot_path: _Optional[_Union[_geometry_pb2.Polyline, _Mapping]] = ..., speed_full: _Optional[float] = ..., approach: _Optional[float] = ..., slowest: _Optional[float] = ..., margin: _Optional[float] = ..., body: _Optional[float] = ..., stand: _Optional[float] = ..., lean: _Optional[float] = ..., speed_walk: _Optional[float] = ...) -> None: ...
 
 class PushResponse(_message.Message):
-    __slots__ = ("stamp", "contour", "response", "touches", "windows", "error", "prior_error")
+    __slots__ = ("stamp", "contour", "response", "touches", "windows", "error", "prior_error", "yaw", "spread")
     STAMP_FIELD_NUMBER: _ClassVar[int]
     CONTOUR_FIELD_NUMBER: _ClassVar[int]
     RESPONSE_FIELD_NUMBER: _ClassVar[int]
@@ -178,6 +180,8 @@ class PushResponse(_message.Message):
     WINDOWS_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
     PRIOR_ERROR_FIELD_NUMBER: _ClassVar[int]
+    YAW_FIELD_NUMBER: _ClassVar[int]
+    SPREAD_FIELD_NUMBER: _ClassVar[int]
     stamp: int
     contour: _containers.RepeatedScalarFieldContainer[float]
     response: _containers.RepeatedScalarFieldContainer[float]
@@ -185,7 +189,9 @@ class PushResponse(_message.Message):
     windows: int
     error: float
     prior_error: float
-    def __init__(self, stamp: _Optional[int] = ..., contour: _Optional[_Iterable[float]] = ..., response: _Optional[_Iterable[float]] = ..., touches: _Optional[int] = ..., windows: _Optional[int] = ..., error: _Optional[float] = ..., prior_error: _Optional[float] = ...) -> None: ...
+    yaw: float
+    spread: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, stamp: _Optional[int] = ..., contour: _Optional[_Iterable[float]] = ..., response: _Optional[_Iterable[float]] = ..., touches: _Optional[int] = ..., windows: _Optional[int] = ..., error: _Optional[float] = ..., prior_error: _Optional[float] = ..., yaw: _Optional[float] = ..., spread: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class PushBehaviour(_message.Message):
     __slots__ = ("stamp", "alpha", "gamma", "mean_gamma", "mu", "kappa", "alpha_p", "sample_count", "reading_count", "moving")

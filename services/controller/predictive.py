@@ -26,7 +26,7 @@ def command(
     """
     settings = np.zeros(planning.SETTINGS)
     settings[planning.SPEED_FULL], settings[planning.APPROACH] = plan.speed_full, plan.approach
-    settings[planning.SLOWEST] = plan.slowest
+    settings[planning.SLOWEST], settings[planning.SPEED_WALK] = plan.slowest, plan.speed_walk
     row = np.zeros(planning.CANDIDATE)
     row[[planning.AHEAD, planning.BIAS_OF, planning.SPEED_OF]] = plan.ahead, plan.bias, plan.speed
     row[planning.SIDE_OF] = plan.side

@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from services.predictive.known import Known
+
 
 class LearnerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Settings of the learner service (Sec. 5.3)."""
@@ -22,6 +24,9 @@ class LearnerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     ] = "decreasing"
     seed: Annotated[int, Meta(ge=0, lt=2**53, description="of the search for the response")] = 1
     small_gamma: Annotated[float, Meta(gt=0, le=3.15, description="rad, for accept = small")] = 0.3
+    known: Annotated[
+        Known | None, Meta(description="experience of the object from an earlier push: `pushlane experience save`")
+    ] = None
 
     def __post_init__(self) -> None:
         if self.r0 >= self.c:

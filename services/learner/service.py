@@ -27,6 +27,7 @@ from services.learner.movement import Accept, MovementState, alpha, observe
 from services.learner.von_mises import Posterior, estimate, prior, update
 from services.predictive.estimate import Track
 from services.predictive.experience import Experience
+from services.predictive.known import Known, triangle
 from services.predictive.model import YAW
 from services.predictive.situation import base_of
 
@@ -95,7 +96,10 @@ class LearnerService(Service):
             return
         base = base_of(status)
         if state.experience is None:
-            state.experience = Experience.of(status.diameter, object.diameter, self.config.seed)
+            before, said = self._before(status.diameter, object)
+            if said:
+                yield self.say(said, now, "INFO" if before else "WARNING")
+            state.experience = Experience.of(status.diameter, object.diameter, self.config.seed, before)
         known, track = state.experience, state.track
         track.object_seen(object, base, known.contour, known.response)
         turned = object.yaw if object.HasField("yaw") else float(track.state[YAW])
@@ -113,6 +117,8 @@ class LearnerService(Service):
                 windows=known.seen,
                 error=known.error,
                 prior_error=known.prior_error,
+                yaw=turned,
+                spread=triangle(known.spread),
             )
         )
 
@@ -157,6 +163,19 @@ class LearnerService(Service):
                 moving=reading.moving,
             )
         )
+
+    def _before(self, robot_diameter: float, object: ObjectState) -> tuple[Known | None, str]:
+        """Return what the configuration knows of this object, if that is of use here, and what to say of it."""
+        known = self.config.known
+        if known is None:
+            return None, ""
+        name = f" of '{known.object}'" if known.object else ""
+        why = known.misfit(robot_diameter, object.diameter)
+        if not object.HasField("yaw"):
+            why = "the tracker sees no yaw, and without it nobody knows which way round the object stands"
+        if why:
+            return None, f"experience{name} is not used: {why}"
+        return known, f"begins with experience{name}: {known.touches} touches, {known.windows} windows"
 
     def _untaught(self, goal_id: int) -> LearnerState:
         config = self.config

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from services.geometry.angles import wrapped
+from services.predictive.known import Known, prior_spread
 from services.predictive.model import (
     ANISOTROPY,
     AXIS,
@@ -49,7 +50,7 @@ SAMPLES = 9
 """observations in a window, 0.05 s apart"""
 
 _STEP = 0.05
-_WINDOWS = 60
+_WINDOWS = 100
 _EVERY = 4
 _LONGEST_GAP = 0.16
 _NEAR = 0.06
@@ -59,8 +60,13 @@ _ROWS = _LEAD + SAMPLES + _TRAIL
 _NOISE = 0.006
 _ROBUST = 4.0
 _PROPOSALS = 24
-_TOUCH_NOISE = 0.008
+_TOUCH_NOISE = 0.02
+_LIMIT_NOISE = 0.01
+_SLACK = 0.015
+_GOLDEN = 2.399963
 _MOVED = 0.02
+_OFF_CONTOUR = 0.05
+_TRUST = 2.0
 
 
 @dataclass
@@ -70,8 +76,12 @@ class Experience:
     Attributes:
         contour, spread: (CONTOUR,) and its covariance (CONTOUR, CONTOUR).
         response, prior: (RESPONSE,).
+        begun, trust: the response that it began with, (RESPONSE,), and how many times as much as of a stranger's
+            prior it takes to leave it.
         rows: the newest observations, (stamp ns, robot x, y, object x, y, yaw).
-        robots, starts, ends: windows: (W, SAMPLES, 2), (W, 6) pose and velocity, (W, 3) pose.
+        robots, starts, ends: windows: (W, SAMPLES, 2); (W, 7) pose, velocity and how far beyond the contour they
+            touched, m; (W, 3) pose.
+        reach: m, distance of the centres where robot and bounding circle touch.
         touches, seen: how many observations of the contour and windows were taken.
         error, prior_error: m, median over the windows, of what is held and of the prior.
     """
@@ -80,28 +90,38 @@ class Experience:
     spread: Array
     response: Array
     prior: Array
+    begun: Array
+    reach: float
     generator: np.random.Generator
     rows: list[tuple[int, float, float, float, float, float]] = field(default_factory=list)
     robots: Array = field(default_factory=lambda: np.zeros((0, SAMPLES, 2)))
-    starts: Array = field(default_factory=lambda: np.zeros((0, 6)))
+    starts: Array = field(default_factory=lambda: np.zeros((0, 7)))
     ends: Array = field(default_factory=lambda: np.zeros((0, 3)))
     touches: int = 0
     seen: int = 0
     since: int = 0
     error: float = 0.0
     prior_error: float = 0.0
+    trust: float = 1.0
 
     @classmethod
-    def of(cls, robot_diameter: float, object_diameter: float, seed: int) -> Experience:
-        """Return what is known of an object of that bounding circle before it was touched."""
-        deviations = np.array([0.05 * object_diameter / 0.25] + [0.03 / k for k in range(1, ORDER + 1) for _ in "cs"])
+    def of(cls, robot_diameter: float, object_diameter: float, seed: int, known: Known | None = None) -> Experience:
+        """Return what is known of an object of that bounding circle before it was touched in this push.
+
+        Args:
+            known: from an earlier push of the same object.
+        """
         prior = prior_response(object_diameter)
+        contour, spread = prior_contour(robot_diameter, object_diameter), prior_spread(object_diameter)
+        begun, touches, seen, trust = prior, 0, 0, 1.0
+        if known is not None:
+            contour, spread, begun = np.array(known.contour), known.covariance(), np.array(known.response)
+            touches, seen = known.touches, known.windows
+            trust += _TRUST * min(known.windows / _WINDOWS, 1.0)
+        generator = np.random.Generator(np.random.PCG64(seed))
+        reach = 0.5 * (robot_diameter + object_diameter)
         return cls(
-            prior_contour(robot_diameter, object_diameter),
-            np.diag(deviations**2),
-            prior.copy(),
-            prior,
-            np.random.Generator(np.random.PCG64(seed)),
+            contour, spread, begun.copy(), prior, begun, reach, generator, touches=touches, seen=seen, trust=trust
         )
 
     def observe(self, stamp: int, r: tuple[float, float], o: tuple[float, float], yaw: float, base: Array) -> None:
@@ -121,7 +141,8 @@ class Experience:
         recent = np.array([row[1:] for row in self.rows[-_LEAD - 1 :]])
         away = recent[:, 0:2] - recent[:, 2:4]
         distances = np.hypot(away[:, 0], away[:, 1])
-        moved = recent[-1, 2:4] - recent[0, 2:4]
+        # Of pairs: a single row's noise would often look like motion.
+        moved = recent[-2:, 2:4].mean(axis=0) - recent[:2, 2:4].mean(axis=0)
         travel = math.hypot(*moved)
         mean = away.mean(axis=0)
         distance = float(distances.mean())
@@ -130,19 +151,29 @@ class Experience:
         pushed = travel > _MOVED and float(moved @ mean) < -0.3 * travel * distance
         steady = float(np.ptp(distances)) < 0.03
         driven = math.hypot(*(recent[-1, 0:2] - recent[0, 0:2])) > 0.5 * travel
-        touching = pushed and steady and driven and distance < expected + 0.12
+        touching = pushed and steady and driven and distance < min(expected + 0.12, self.reach + _SLACK)
         if not touching and distance > expected - 0.012:
             return
+        # Touches follow each other faster than their errors change: each counts for little.
+        self._reaches(bearing, distance, _TOUCH_NOISE)
+        self.spread = self.spread + np.diag(np.full(CONTOUR, 1e-8))
+        self.touches += 1
+        # The object is within its bounding circle, also where it was never touched: there the series may say nonsense.
+        elsewhere = self.touches * _GOLDEN
+        if radius(self.contour, elsewhere)[0] > self.reach:
+            self._reaches(elsewhere, self.reach, _LIMIT_NOISE)
+
+    def _reaches(self, bearing: float, distance: float, noise: float) -> None:
+        """Take the contour to be `distance`, m, away at `bearing`, to within `noise`, m, by recursive least squares."""
         basis = np.empty(CONTOUR)
         basis[0] = 1.0
         for k in range(1, ORDER + 1):
             basis[2 * k - 1], basis[2 * k] = math.cos(k * bearing), math.sin(k * bearing)
         spread = self.spread @ basis
-        gain = spread / (float(basis @ spread) + _TOUCH_NOISE**2)
-        self.contour = self.contour + gain * (distance - expected)
+        gain = spread / (float(basis @ spread) + noise**2)
+        self.contour = self.contour + gain * (distance - float(basis @ self.contour))
         self.spread = self.spread - np.outer(gain, spread)
-        self.spread = 0.5 * (self.spread + self.spread.T) + np.diag(np.full(CONTOUR, 1e-8))
-        self.touches += 1
+        self.spread = 0.5 * (self.spread + self.spread.T)
 
     def _window(self, base: Array) -> None:
         """Keep the newest rows as a window if the object was near the robot, or moved."""
@@ -160,7 +191,12 @@ class Experience:
         travel = math.hypot(*(own[-1, 2:4] - own[0, 2:4]))
         if gaps.min() > self.contour[0] + _NEAR:
             return
-        start = np.array([*pose[2:5], *velocity[2:5]])
+        # Where they touch is the contour's to know: else its faults would be taken for the response's.
+        beyond = self._closest(own)
+        if travel < _MOVED:
+            beyond = min(beyond, 0.0)
+        beyond = min(max(beyond, -_OFF_CONTOUR), _OFF_CONTOUR)
+        start = np.array([*pose[2:5], *velocity[2:5], beyond])
         # What lay still and was to lie still teaches nothing, and would crowd out what does.
         expected = _carried(self.response, own[:, 0:2].copy(), start, base, self.contour)
         if travel < _MOVED and math.hypot(expected[0] - start[0], expected[1] - start[1]) < _MOVED:
@@ -171,13 +207,20 @@ class Experience:
         self.seen += 1
         self.since = 0
 
+    def _closest(self, rows: Array) -> float:
+        """Return the least gap between robot and contour in `rows`, m."""
+        away = rows[:, 0:2] - rows[:, 2:4]
+        bearings = np.arctan2(away[:, 1], away[:, 0]) - rows[:, 4]
+        gaps = [math.hypot(*a) - radius(self.contour, b)[0] for a, b in zip(away, bearings, strict=True)]
+        return min(gaps)
+
     def _think(self, base: Array) -> None:
         """Try other responses, and hold the best."""
         draws = self.generator.standard_normal((_PROPOSALS, RESPONSE))
         scales = 10.0 ** self.generator.uniform(-1.7, 0.3, _PROPOSALS)
         anew = self.generator.uniform(size=_PROPOSALS) < 0.25
         best = _search(
-            self.response, self.prior, draws, scales, anew,
+            self.response, self.begun, self.trust, draws, scales, anew,
             self.robots, self.starts, self.ends, base, self.contour,
         )  # fmt: skip
         self.response = best
@@ -203,6 +246,8 @@ def _carried(response: Array, robots: Array, start: Array, base: Array, contour:
     state = np.zeros(STATE)
     state[X], state[Y], state[YAW] = start[0], start[1], start[2]
     state[VX], state[VY], state[OMEGA] = start[3], start[4], start[5]
+    contour = contour.copy()
+    contour[0] += start[6]
     for k in range(1, len(robots)):
         state[RX], state[RY] = robots[k, 0], robots[k, 1]
         before = max(k - 2, 0)
@@ -222,42 +267,51 @@ def _miss(response: Array, robots: Array, start: Array, end: Array, base: Array,
     return math.sqrt(dx * dx + dy * dy), abs(wrapped(pose[2] - end[2]))
 
 
-@njit("f8(f8[::1],f8[::1],f8[:,:,::1],f8[:,::1],f8[:,::1],f8[::1],f8[::1])", cache=True)
+@njit("f8(f8[::1],f8[::1],f8,f8[:,:,::1],f8[:,::1],f8[:,::1],f8[::1],f8[::1],f8)", cache=True)
 def _cost(
-    response: Array, prior: Array, robots: Array, starts: Array, ends: Array, base: Array, contour: Array
-) -> float:
-    total = 0.0
-    for i in range(len(ends)):
+    response: Array, prior: Array, trust: float,
+    robots: Array, starts: Array, ends: Array, base: Array, contour: Array, bound: float,
+) -> float:  # fmt: skip
+    """Return the cost of a response; of one that costs more than `bound`, only that much."""
+    # Anisotropy and twice its axis are a vector's length and angle.
+    a, b = response[ANISOTROPY] / 1.2, prior[ANISOTROPY] / 1.2
+    total = trust * (a * a + b * b - 2.0 * a * b * math.cos(2.0 * (response[AXIS] - prior[AXIS])))
+    x, y = (response[CENTRE_X] - prior[CENTRE_X]) / 0.03, (response[CENTRE_Y] - prior[CENTRE_Y]) / 0.03
+    total += trust * (x * x + y * y)
+    total += trust * (math.log(response[LENGTH] / prior[LENGTH]) / 0.3) ** 2
+    total += trust * (math.log(response[FRICTION] / prior[FRICTION]) / 0.5) ** 2
+    total += trust * (math.log(response[COASTING] / prior[COASTING]) / 1.5) ** 2
+    # The newest first: what fails there need not be followed further back.
+    for i in range(len(ends) - 1, -1, -1):
         away, turned = _miss(response, robots[i], starts[i], ends[i], base, contour)
         square = (away / _NOISE) ** 2 + (turned / 0.07) ** 2
         total += square / (1.0 + square / (_ROBUST * _ROBUST))
-    a = response[ANISOTROPY]
-    total += (a / 1.2) ** 2
-    total += ((response[CENTRE_X] / 0.03) ** 2 + (response[CENTRE_Y] / 0.03) ** 2) * 1.0
-    total += (math.log(response[LENGTH] / prior[LENGTH]) / 0.3) ** 2
-    total += (math.log(response[FRICTION] / prior[FRICTION]) / 0.5) ** 2
-    total += (math.log(response[COASTING] / prior[COASTING]) / 1.5) ** 2
+        if total > bound:
+            break
     return total
 
 
-@njit("f8[::1](f8[::1],f8[::1],f8[:,::1],f8[::1],b1[::1],f8[:,:,::1],f8[:,::1],f8[:,::1],f8[::1],f8[::1])", cache=True)
+@njit(
+    "f8[::1](f8[::1],f8[::1],f8,f8[:,::1],f8[::1],b1[::1],f8[:,:,::1],f8[:,::1],f8[:,::1],f8[::1],f8[::1])", cache=True
+)
 def _search(
-    held: Array, prior: Array, draws: Array, scales: Array, anew: NDArray[np.bool_],
+    held: Array, prior: Array, trust: float, draws: Array, scales: Array, anew: NDArray[np.bool_],
     robots: Array, starts: Array, ends: Array, base: Array, contour: Array,
 ) -> Array:  # fmt: skip
     best = held.copy()
-    cheapest = _cost(best, prior, robots, starts, ends, base, contour)
+    cheapest = _cost(best, prior, trust, robots, starts, ends, base, contour, np.inf)
     for i in range(len(draws)):
         trial = prior.copy() if anew[i] else best.copy()
         scale = 1.0 if anew[i] else scales[i]
-        trial[ANISOTROPY] = min(max(trial[ANISOTROPY] + 1.2 * scale * draws[i, ANISOTROPY], -3.5), 3.5)
-        trial[AXIS] += 0.8 * scale * draws[i, AXIS]
+        trial[ANISOTROPY] = min(abs(trial[ANISOTROPY] + 1.2 * scale * draws[i, ANISOTROPY]), 3.5)
+        # Nothing is known of the axis at first, and of an object without wheels never.
+        trial[AXIS] += (3.0 if anew[i] and prior[ANISOTROPY] == 0.0 else 0.8 * scale) * draws[i, AXIS]
         trial[CENTRE_X] += 0.03 * scale * draws[i, CENTRE_X]
         trial[CENTRE_Y] += 0.03 * scale * draws[i, CENTRE_Y]
         trial[LENGTH] *= math.exp(0.3 * scale * draws[i, LENGTH])
         trial[FRICTION] *= math.exp(0.4 * scale * draws[i, FRICTION])
         trial[COASTING] *= math.exp(0.8 * scale * draws[i, COASTING])
-        cost = _cost(trial, prior, robots, starts, ends, base, contour)
+        cost = _cost(trial, prior, trust, robots, starts, ends, base, contour, cheapest)
         if cost < cheapest:
             best, cheapest = trial, cost
     return best

@@ -19,10 +19,10 @@ from services.predictive.model import RAMP_X, RAMP_Y, RVX, RVY, RX, RY, YAW, X, 
 
 Array = NDArray[np.float64]
 
-TARGET_X, TARGET_Y, BIAS, SPEED, SIDE, BODY, STAND, LEAN, MANOEUVRE = range(9)
+TARGET_X, TARGET_Y, BIAS, SPEED, SIDE, BODY, STAND, LEAN, WALK, MANOEUVRE = range(10)
 """Places in a manoeuvre: m, where the object is to go; rad, bearing from exactly behind; m/s; -1 or 1, the way around
 the object, 0 the shorter; 1 to push at a place of the body instead of behind: rad, its bearing in the object's frame;
-rad, push direction from towards the object's centre. MANOEUVRE is their number."""
+rad, push direction from towards the object's centre; m/s, of the way around. MANOEUVRE is their number."""
 
 WALK_FROM = 0.9
 PUSH_FROM = 0.3
@@ -30,6 +30,7 @@ RING = 0.045
 GAIN = 1.6
 _STEER_MOST = 1.1
 _RADIAL_GAIN = 3.0
+_INWARD_GAIN = 1.5
 _RIDGE = 0.2
 _AHEAD = 0.15
 _TICK = 0.05
@@ -62,10 +63,13 @@ def wish(state: Array, contour: Array, manoeuvre: Array, walking: float) -> tupl
         steer = min(max(GAIN * error + lean, -_STEER_MOST), _STEER_MOST)
         inward, around = speed * math.cos(steer), -speed * math.sin(steer)
         return -inward * ex - around * ey, -inward * ey + around * ex, walking
+    speed = manoeuvre[WALK]
     way = -1.0 if error > 0.0 else 1.0
     if manoeuvre[SIDE] != 0.0:
         way = manoeuvre[SIDE]
-    outward = min(max(_RADIAL_GAIN * (RING - gap), -speed), speed)
+    # Inward no faster than the base can brake: it must not run into what it is to walk around.
+    outward = (_RADIAL_GAIN if gap < RING else _INWARD_GAIN) * (RING - gap)
+    outward = min(max(outward, -speed), speed)
     # In touch, first away: a robot that slides along the object turns it.
     free = min(max(gap / RING, 0.0), 1.0)
     around = way * free * math.sqrt(max(0.0, speed * speed - outward * outward))

@@ -24,9 +24,10 @@ CONTOUR = 2 * ORDER + 1
 """coefficients of the contour: mean, then cosine and sine of each order"""
 
 ANISOTROPY, AXIS, CENTRE_X, CENTRE_Y, LENGTH, FRICTION, COASTING, RESPONSE = range(8)
-"""Places in a response: log of friction across over along the easy axis; rad, the axis in the object's frame; m, the
-centre of friction in the object's frame; m, most friction torque over most friction force; friction coefficient between
-robot and object; m/s^2, deceleration along the easy axis. RESPONSE is their number."""
+"""Places in a response: log of friction across over along the easy axis, at least 0; rad, the axis in the object's
+frame; m, the centre of friction in the object's frame; m, most friction torque over most friction force, which is the
+one across: what turns must slide across its wheels; friction coefficient between robot and object; m/s^2, deceleration
+along the easy axis. RESPONSE is their number."""
 
 X, Y, YAW, VX, VY, OMEGA, RX, RY, RVX, RVY, RAMP_X, RAMP_Y, STATE = range(13)
 """Places in a state: the object's pose and velocity, the robot's position, velocity, and the velocity its ramp has
@@ -93,7 +94,7 @@ def _pushed(
     """Return the object's twist under a contact at (px, py) from its centre, moved with (rvx, rvy).
 
     (nx, ny): the contact's normal into the object. Works in the frame of the easy axis, about the centre of friction:
-    twist = D w for a wrench w on the limit surface, D = diag(1, e^-2a, 1/l^2) up to a factor.
+    twist = D w for a wrench w on the limit surface, D = diag(1, e^-2a, e^-2a / l^2) up to a factor.
     """
     angle = yaw + response[AXIS]
     c, s = math.cos(angle), math.sin(angle)
@@ -105,7 +106,7 @@ def _pushed(
     nax, nay = c * nx + s * ny, -s * nx + c * ny
     vax, vay = c * rvx + s * rvy, -s * rvx + c * rvy
     across = math.exp(-2.0 * response[ANISOTROPY])
-    turn = 1.0 / (response[LENGTH] * response[LENGTH])
+    turn = across / (response[LENGTH] * response[LENGTH])
     # The contact point's velocity for a force f there is M f, M = J D J^T.
     mxx = 1.0 + turn * ay * ay
     mxy = -turn * ax * ay
@@ -144,32 +145,41 @@ def _coast(state: Array, dt: float, response: Array) -> None:
     state[VX], state[VY], state[OMEGA] = c * along - s * across, s * along + c * across, omega
 
 
+@njit("UniTuple(f8,3)(f8[::1],f8[::1])", cache=True)
+def _contact(state: Array, contour: Array) -> tuple[float, float, float]:
+    """Return the gap between robot and object and the contour's outward normal where they are closest."""
+    dx, dy = state[RX] - state[X], state[RY] - state[Y]
+    distance = math.sqrt(dx * dx + dy * dy) + _EPSILON
+    rho, slope = radius(contour, math.atan2(dy, dx) - state[YAW])
+    # Outward normal of the contour: radial less tangential slope.
+    ex, ey = dx / distance, dy / distance
+    nx, ny = rho * ex + slope * ey, rho * ey - slope * ex
+    norm = math.sqrt(nx * nx + ny * ny) + _EPSILON
+    return distance - rho, nx / norm, ny / norm
+
+
 @njit("void(f8[::1],f8,f8[::1],f8[::1],f8[::1])", cache=True)
 def answer(state: Array, dt: float, base: Array, contour: Array, response: Array) -> None:
     """Let the object move for `dt` beside the robot that has moved. Changes `state`."""
     _coast(state, dt, response)
-    dx, dy = state[RX] - state[X], state[RY] - state[Y]
-    distance = math.sqrt(dx * dx + dy * dy) + _EPSILON
-    rho, slope = radius(contour, math.atan2(dy, dx) - state[YAW])
-    gap = distance - rho
-    if gap < _TOUCH:
-        # Outward normal of the contour: radial less tangential slope.
-        ex, ey = dx / distance, dy / distance
-        nx, ny = rho * ex + slope * ey, rho * ey - slope * ex
-        norm = math.sqrt(nx * nx + ny * ny) + _EPSILON
-        nx, ny = nx / norm, ny / norm
+    touching, nx, ny = _contact(state, contour)
+    if touching < _TOUCH:
+        dx, dy = state[RX] - state[X], state[RY] - state[Y]
         px, py = dx - base[RADIUS] * nx, dy - base[RADIUS] * ny  # contact, from the object's centre
         vx, vy, omega = state[VX] - state[OMEGA] * py, state[VY] + state[OMEGA] * px, state[OMEGA]
         closing = -((state[RVX] - vx) * nx + (state[RVY] - vy) * ny)
         if closing > 0.0:
             vx, vy, omega = _pushed(state[YAW], px, py, -nx, -ny, state[RVX], state[RVY], response)
             state[VX], state[VY], state[OMEGA] = vx, vy, omega
-        if gap < 0.0:
-            state[X] += gap * nx
-            state[Y] += gap * ny
     state[X] += dt * state[VX]
     state[Y] += dt * state[VY]
     state[YAW] += dt * state[OMEGA]
+    if touching < _TOUCH:
+        # What the robot moved within this step must not push the object twice: its own motion first.
+        gap, nx, ny = _contact(state, contour)
+        if gap < 0.0:
+            state[X] += gap * nx
+            state[Y] += gap * ny
 
 
 @njit("void(f8[::1],f8,f8,f8,f8[::1],f8[::1],f8[::1])", cache=True)

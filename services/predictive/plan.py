@@ -25,6 +25,7 @@ from services.predictive.law import (
     STAND,
     TARGET_X,
     TARGET_Y,
+    WALK,
     inside,
     kept_margin,
     wish,
@@ -38,21 +39,22 @@ AHEAD, BIAS_OF, SPEED_OF, SIDE_OF, BODY_OF, STAND_OF, LEAN_OF, CANDIDATE = range
 """Places in a candidate: m along the path to its target, rad, share of the full speed, way around; s to push at a
 place of the body first, its bearing, rad, object's frame, and the push's direction from the centre's, rad."""
 
-HORIZON, SPEED_FULL, APPROACH, SLOWEST, MARGIN, PRECISION, SETTINGS = range(7)
-"""Places in the settings: s; m/s; m/s^2 of the approach to the goal; m/s; m kept from the edge; m."""
+HORIZON, SPEED_FULL, APPROACH, SLOWEST, MARGIN, PRECISION, SPEED_WALK, SETTINGS = range(8)
+"""Places in the settings: s; m/s; m/s^2 of the approach to the goal; m/s; m kept from the edge; m; m/s around
+the object."""
 
 _OUT = 60.0
 _NEAR_EDGE = 40.0
-_TERMINAL = 2.5
-_RELOCATION = 0.12
+_PROGRESS = 0.8
 _ROOM = 0.04
 _BODY = 0.8
 _FINE = 2.0
 _COARSE = 0.1
 _STILL = 0.04
-_TIME = 0.15
-_CHANGE = 0.03
-_BLOCKED = 3.0
+_CHANGE = 0.1
+_BLOCKED = 10.0
+_CAREFUL = 0.2
+_RISK = 15.0
 
 
 def candidates() -> Array:
@@ -102,7 +104,30 @@ def manoeuvre_of(
     out[BIAS] = candidate[BIAS_OF]
     out[SPEED] = max(settings[SLOWEST], min(candidate[SPEED_OF] * settings[SPEED_FULL], braked))
     out[SIDE] = candidate[SIDE_OF]
+    out[WALK] = settings[SPEED_WALK]
     out[BODY], out[STAND], out[LEAN] = 1.0 if candidate[BODY_OF] > 0.0 else 0.0, candidate[STAND_OF], candidate[LEAN_OF]
+
+
+@njit("f8(f8,f8,f8,f8)", cache=True)
+def _danger(depth: float, own: float, needed: float, walking: float) -> float:
+    """Return what each second costs in which the object is `depth` and the robot `own` inside the corridor, m.
+
+    Args:
+        needed: m, less than which costs: the robot must find room between the object and the edge, or nothing can
+            bring the object back.
+    """
+    rate = 0.0
+    if depth < needed:
+        short = needed - depth
+        rate += _NEAR_EDGE * short * (0.1 + short)
+    if depth < 0.0:
+        rate += _OUT
+    if own < 0.0:
+        rate += _OUT
+    # Who pushes from farther inside pushes outward, and whether it turns before the edge is only thought.
+    if own > depth and depth < _CAREFUL and walking == 0.0:
+        rate += _RISK * (_CAREFUL - depth) * (own - depth)
+    return rate
 
 
 @njit(
@@ -144,17 +169,10 @@ def rollout(
         if gx * gx + gy * gy < settings[PRECISION] * settings[PRECISION]:
             left = 0.0
             break
-        # The robot must find room between the object and the edge, or nothing can bring the object back.
         depth = lookup(values, x0, y0, resolution, state[X], state[Y])
+        own = lookup(values, x0, y0, resolution, state[RX], state[RY])
         needed = min(contour[0] + _ROOM, 0.75 * max(width[index], 0.0))
-        if depth < needed:
-            short = needed - depth
-            cost += dt * _NEAR_EDGE * short * (0.1 + short)
-        if depth < 0.0:
-            cost += _OUT * dt
-        if lookup(values, x0, y0, resolution, state[RX], state[RY]) < 0.0:
-            cost += _OUT * dt
-        cost += dt * (left + _TIME)
+        cost += dt * (1.0 + _danger(depth, own, needed, walking))
     if left > 0.0:
         bearing = math.atan2(state[RY] - state[Y], state[RX] - state[X])
         behind = math.atan2(state[Y] - manoeuvre[TARGET_Y], state[X] - manoeuvre[TARGET_X])
@@ -162,7 +180,11 @@ def rollout(
         # Who stands still at the end has run into the corridor's edge: that is no place to wait.
         if state[RVX] * state[RVX] + state[RVY] * state[RVY] < _STILL * _STILL:
             cost += _BLOCKED
-    return cost + _TERMINAL * (left + _RELOCATION * error)
+        # What is left is time as well: to walk to behind the object, and to push it.
+        far = math.hypot(state[RX] - state[X], state[RY] - state[Y]) - contour[0]
+        walk = (error * contour[0] + max(far, 0.0)) / settings[SPEED_WALK]
+        cost += walk + left / (_PROGRESS * settings[SPEED_FULL])
+    return cost
 
 
 @njit(
@@ -188,7 +210,7 @@ def choose(
         )  # fmt: skip
         if i == favourite:
             # On the way around, half-heartedness costs most: what is begun is finished unless much is to be gained.
-            cost = (0.9 if walking == 1.0 else 0.97) * cost - _CHANGE
+            cost -= (2.0 if walking == 1.0 else 0.5) + _CHANGE
         if cost < cheapest:
             best, cheapest = i, cost
     return float(best), cheapest

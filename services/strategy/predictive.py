@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.messages import PushPlan
+from runtime.time import nanoseconds
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import polyline
 from services.predictive import plan
@@ -19,7 +20,8 @@ from services.strategy.config import PredictiveConfig
 
 Array = NDArray[np.float64]
 
-_WHEELS = 0.7
+_WHEELS = 0.8
+_COMMITTED = 1.5
 _CANDIDATES = plan.candidates()
 
 
@@ -31,11 +33,15 @@ class PlannerState:
         track: where robot and object are.
         favourite: number of the candidate in force; -1 for none.
         walking: 1 while the robot walks around the object.
+        chosen: when the favourite was chosen, ns.
+        rolls: the object was taken to have wheels in this push.
     """
 
     track: Track = field(default_factory=Track)
     favourite: int = -1
     walking: float = 0.0
+    chosen: int = 0
+    rolls: bool = False
 
 
 def choose(
@@ -59,18 +65,23 @@ def choose(
     start = state.track.at(now, base, contour, response)
     settings = np.empty(plan.SETTINGS)
     # Slower while the object is a stranger, and with wheels, which roll on.
-    rolls = abs(response[ANISOTROPY]) > _WHEELS
-    speed = config.speed * (config.caution if rolls or windows < config.acquainted else 1.0)
-    approach = config.approach * (config.caution**2 if rolls else 1.0)
+    state.rolls = state.rolls or bool(response[ANISOTROPY] > _WHEELS and windows >= config.acquainted)
+    speed = config.speed * (config.caution if state.rolls or windows < config.acquainted else 1.0)
+    approach = config.approach * (config.caution**2 if state.rolls else 1.0)
     settings[[plan.HORIZON, plan.SPEED_FULL, plan.APPROACH]] = config.horizon, speed, approach
     settings[[plan.SLOWEST, plan.MARGIN, plan.PRECISION]] = config.slowest, config.margin, 0.6 * precision
+    settings[plan.SPEED_WALK] = config.speed
     index = lane.nearest(start[X], start[Y])
     where = corridor.field.grid
+    # Who walks around and thinks better of it halfway, again and again, gets nowhere.
+    held = state.walking == 1.0 and state.favourite >= 0 and now - state.chosen < nanoseconds(_COMMITTED)
+    rows = _CANDIDATES[state.favourite : state.favourite + 1] if held else _CANDIDATES
     best, cost = plan.choose(
-        start, state.walking, _CANDIDATES, base, contour, response, settings,
-        lane.path, lane.width, SPACING, index, *where, state.favourite,
+        start, state.walking, rows, base, contour, response, settings,
+        lane.path, lane.width, SPACING, index, *where, -1 if held else state.favourite,
     )  # fmt: skip
-    state.favourite = int(best)
+    if not held and int(best) != state.favourite:
+        state.favourite, state.chosen = int(best), now
     row = _CANDIDATES[state.favourite]
     trace = np.zeros((int(config.horizon / plan.STEP) + 1, 4))
     plan.rollout(
@@ -92,6 +103,7 @@ def choose(
         object_path=polyline(shown[:, :2]),
         robot_path=polyline(shown[:, 2:]),
         speed_full=speed,
+        speed_walk=config.speed,
         approach=approach,
         slowest=config.slowest,
         margin=config.margin,

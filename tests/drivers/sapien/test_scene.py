@@ -22,7 +22,8 @@ default_object = "can"
 
 def test_all_scenes_load_and_name_an_object_that_exists() -> None:
     expected = {"living-room", "1A", "1B", "2A", "2B", "corridor-1", "corridor-2", "corridor-3", "wide-bend"}
-    assert expected | {"childrens-room", "open"} == set(scene.names())
+    recovery = {f"recovery-{what}" for what in ("stuck", "wall", "corner", "front", "overshot", "lost")}
+    assert expected | recovery | {"childrens-room", "open"} == set(scene.names())
     for name in scene.names():
         one = scene.get(name)
         assert one.name == name

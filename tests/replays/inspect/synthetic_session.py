@@ -338,6 +338,11 @@ def write_session(
     out: Path, seconds: float = 8.0, without: frozenset[str] = frozenset(), images: bool = False
 ) -> dict[str, int]:
     """Writes the session, less the topics in `without`; gives the number of messages per topic."""
+    return write_rows(out, [row for row in rows(seconds, images) if row[1] not in without])
+
+
+def write_rows(out: Path, found: list[Row]) -> dict[str, int]:
+    """Writes a session of these messages; gives the number of messages per topic."""
     counts: dict[str, int] = {}
     channels: dict[str, int] = {}
     with out.open("wb") as file:
@@ -346,9 +351,7 @@ def write_session(
         writer.add_metadata("header", {"run": "synthetic", "seed": "7", "commit": "0123abc", "robot": "robotino"})
         writer.add_metadata("versions", {"numpy": np.__version__, "python": "3.11"})
         writer.add_attachment(0, 0, "config.toml", "text/plain", b"[controller]\nspeed = 0.2\n")
-        for time, topic, message in sorted(rows(seconds, images), key=lambda row: row[0]):
-            if topic in without:
-                continue
+        for time, topic, message in sorted(found, key=lambda row: row[0]):
             if topic not in channels:
                 channels[topic] = writer.register_channel(topic, "protobuf", register_schema(writer, type(message)))
             counts[topic] = counts.get(topic, 0) + 1

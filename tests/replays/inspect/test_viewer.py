@@ -59,7 +59,10 @@ def test_the_picture_shows_robot_and_object_where_they_are(tmp_path: Path, capsy
 
 
 @pytest.mark.render
-def test_every_view_can_show_its_data(push: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("session", ["push", "predicted"])
+def test_every_view_can_show_its_data(
+    session: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
         if isinstance(part, rrb.View):
             yield part
@@ -75,7 +78,7 @@ def test_every_view_can_show_its_data(push: Path, tmp_path: Path, monkeypatch: p
         return rrb.Blueprint(rrb.Grid(*found, grid_columns=5), auto_views=False, auto_layout=False)
 
     monkeypatch.setattr(replays.inspect.convert.Layout, "blueprint", side_by_side)
-    to_rrd(push, tmp_path / "a.rrd")
+    to_rrd(request.getfixturevalue(session), tmp_path / "a.rrd")
     assert len(found) > 15
     screenshot(tmp_path / "a.rrd", tmp_path / "a.png")
 

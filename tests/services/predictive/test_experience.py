@@ -14,15 +14,16 @@ from runtime.sample import Sample
 from services.geometry.angles import wrapped
 from services.predictive import model as m
 from services.predictive.experience import Experience
+from services.predictive.known import Known
 
 BASE = np.array([0.4, 0.1, 0.23])
 
 
-def pushed_about(response: np.ndarray, seconds: float, noise: float) -> Experience:
+def pushed_about(response: np.ndarray, seconds: float, noise: float, before: Known | None = None) -> Experience:
     """Let a robot push an object of this response here and there, and learn from noisy positions."""
     generator = np.random.default_rng(5)
     contour = m.prior_contour(0.46, 0.3)
-    known = Experience.of(0.46, 0.3, seed=1)
+    known = Experience.of(0.46, 0.3, seed=1, known=before)
     state = np.zeros(m.STATE)
     state[m.RX] = -0.5
     angle = 0.0
@@ -83,3 +84,19 @@ def test_the_distance_of_touch_of_a_real_disc_is_found() -> None:
     true = 0.5 * (0.46 + session.effective.sections["driver"].body.diameter)  # type: ignore[attr-defined]
     assert last.touches > 20
     assert m.radius(np.array(last.contour), math.pi)[0] == pytest.approx(true, abs=0.02)
+
+
+def test_touches_on_one_side_do_not_move_the_far_side_out_of_the_bounding_circle() -> None:
+    known = Experience.of(0.46, 0.3, seed=1)
+    generator = np.random.default_rng(2)
+    for k in range(600):
+        # Pushed along x from behind, the contact wandering over a slanting side.
+        x, aside = 0.01 * k, 0.35 * math.sin(0.03 * k)
+        reach = 0.33 + 0.15 * aside
+        r = (x - reach * math.cos(aside), reach * math.sin(aside))
+        seen = generator.normal(0.0, 0.005, 4)
+        known.observe(50_000_000 * (k + 1), (r[0] + seen[0], r[1] + seen[1]), (x + seen[2], seen[3]), 0.0, BASE)
+    assert known.touches > 100
+    reaches = [m.radius(known.contour, b)[0] for b in np.linspace(-math.pi, math.pi, 73)]
+    assert max(reaches) < 0.5 * (0.46 + 0.3) + 0.02, reaches
+    assert m.radius(known.contour, math.pi)[0] == pytest.approx(0.33, abs=0.02)

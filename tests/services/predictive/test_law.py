@@ -52,6 +52,7 @@ def driven(bearing: float, side: float = 0.0, seconds: float = 14.0) -> tuple[np
     state[m.RX], state[m.RY] = 0.5 * math.cos(bearing), 0.5 * math.sin(bearing)
     manoeuvre = np.zeros(law.MANOEUVRE)
     manoeuvre[law.TARGET_X], manoeuvre[law.SPEED], manoeuvre[law.SIDE] = 5.0, 0.3, side
+    manoeuvre[law.WALK] = 0.3
     walking, swept, before = 0.0, 0.0, bearing
     for _ in range(round(seconds / 0.05)):
         ux, uy, walking = law.wish(state, contour, manoeuvre, walking)

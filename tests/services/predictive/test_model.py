@@ -68,7 +68,7 @@ def least_dissipation(response: np.ndarray, contact: np.ndarray, velocity: np.nd
         arm = centre - contact
         v = turn @ (velocity + omega * np.array((-arm[1], arm[0])))
         across = math.exp(2.0 * response[m.ANISOTROPY])
-        return float(v[0] ** 2 + across * v[1] ** 2 + (response[m.LENGTH] * omega) ** 2)
+        return float(v[0] ** 2 + across * (v[1] ** 2 + (response[m.LENGTH] * omega) ** 2))
 
     omega = float(minimize(lambda z: power(z[0]), [0.0], method="BFGS", options={"gtol": 1e-12}).x[0])
     v = velocity + omega * np.array((contact[1], -contact[0]))
@@ -159,3 +159,15 @@ def test_the_contour_has_the_slope_that_differences_have(rest: list[float], bear
     assert rho == pytest.approx(by_hand, abs=1e-12)
     difference = (m.radius(contour, bearing + h)[0] - m.radius(contour, bearing - h)[0]) / (2 * h)
     assert slope == pytest.approx(difference, abs=1e-6)
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.05, 0.025, 0.005])
+def test_an_object_pushed_straight_goes_as_far_as_the_robot_whatever_the_step(dt: float) -> None:
+    contour, response = m.prior_contour(0.46, 0.3), m.prior_response(0.3)
+    state = touching(math.pi, response, contour)
+    state[m.RVX] = state[m.RAMP_X] = 0.3
+    begin = state[m.RX]
+    for _ in range(round(0.4 / dt)):
+        m.step(state, 0.3, 0.0, dt, np.array([0.4, 0.1, 0.23]), contour, response)
+    assert state[m.RX] - begin == pytest.approx(0.12, abs=1e-9)
+    assert state[m.X] == pytest.approx(0.12, abs=0.004)

@@ -72,7 +72,9 @@ objects = st.tuples(st.floats(0.6, 4.9), st.floats(-0.6, 0.6)).map(
 
 def check_place(target: Target, o: np.ndarray) -> None:
     """t is on Q, not behind c; p is behind o on the push-line."""
-    assert np.hypot(DISCS[0] - target.t[0], DISCS[1] - target.t[1]).min() < 2e-3
+    assert (
+        np.hypot(DISCS[0] - target.t[0], DISCS[1] - target.t[1]).min() < 2.5e-3
+    )  # half the spacing of these samples is 2.1 mm
     _, arc = nearest(o)
     assert target.distance_to_go == pytest.approx(S.arc[-1] - arc, abs=5e-3)
     assert nearest(target.t)[1] >= arc - 5e-3

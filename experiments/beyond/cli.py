@@ -1,0 +1,136 @@
+"""`pushlane experiment best|open|robustness`: what the predictive method is held to, past the paper's experiments."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from experiments.paper.cli import Failures, Jobs, Seed
+from runtime.cli.options import Assignments, ConfigFile, layers
+
+if TYPE_CHECKING:
+    from experiments.beyond.cases import Case
+
+Trials = Annotated[int, typer.Option(min=1, help="Trials a case.")]
+Output = Annotated[
+    Path,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FOLDER",
+        help="Where report, trials and plots go; a run that is there is gone on with, other methods beside it.",
+    ),
+]
+Method = Annotated[str, typer.Option(metavar="NAME", help="predictive, or STRATEGY/CONTROLLER of any two.")]
+WithoutYaw = Annotated[bool, typer.Option("--without-yaw", help="The object's orientation is not seen.")]
+Parameters = Annotated[
+    str,
+    typer.Option(
+        metavar="A,B", help="Only these: noise, latency, speed, size, mass, friction.", show_default="all of them"
+    ),
+]
+Plots = Annotated[bool, typer.Option("--plots/--no-plots", help="Draw.")]
+
+_KEPT = (
+    "Writes report.md, trials.parquet, failures.md and plots, and prints the tables.\n\n"
+    "Finished trials are kept: the same command goes on where it was stopped (Ctrl-C stops it and writes the report "
+    "of what there is), and more --trials add to those there are. Results do not depend on --jobs."
+)
+
+
+def register(experiment: typer.Typer) -> None:
+    """Add the verbs of this module to `pushlane experiment`."""
+    experiment.command(
+        name="best",
+        help="Corridors 1 to 3 at four widths and the four rooms, with every object, at 0.05 m: success, path ratios "
+        f"and hits beside the bar.\n\n{_KEPT}",
+    )(best)
+    experiment.command(
+        name="open",
+        help="Goals all around on an open floor: 24 directions, 3 objects, 2 floor frictions, as in Pushing in the "
+        f"Dark.\n\n{_KEPT}",
+    )(around)
+    experiment.command(
+        name="robustness",
+        help=f"Success over noise, latency, speed, size, mass and friction, one at a time.\n\n{_KEPT}",
+    )(robustness)
+
+
+def best(
+    trials: Trials = 200,
+    jobs: Jobs = 2,
+    seed: Seed = 1,
+    output: Output = Path("out/best"),
+    method: Method = "predictive",
+    without_yaw: WithoutYaw = False,
+    failures: Failures = 3,
+    plots: Plots = True,
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+) -> None:
+    """Run the cases of the bar."""
+    from experiments.beyond import cases
+
+    _carry_out(cases.best(not without_yaw), trials, jobs, seed, output, method, failures, plots, config, assignments)
+
+
+def around(
+    trials: Trials = 1,
+    jobs: Jobs = 2,
+    seed: Seed = 1,
+    output: Output = Path("out/open"),
+    method: Method = "predictive",
+    failures: Failures = 3,
+    plots: Plots = True,
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+) -> None:
+    """Run the goals all around."""
+    from experiments.beyond import cases
+
+    _carry_out(cases.around(), trials, jobs, seed, output, method, failures, plots, config, assignments)
+
+
+def robustness(
+    trials: Trials = 21,
+    jobs: Jobs = 2,
+    seed: Seed = 1,
+    output: Output = Path("out/robustness"),
+    method: Method = "predictive",
+    parameters: Parameters = "",
+    failures: Failures = 3,
+    plots: Plots = True,
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+) -> None:
+    """Run the sweep."""
+    from experiments.beyond import cases
+
+    wanted = [part.strip() for part in parameters.split(",") if part.strip()]
+    _carry_out(cases.sweep(wanted), trials, jobs, seed, output, method, failures, plots, config, assignments)
+
+
+def _carry_out(
+    cases: Sequence[Case], trials: int, jobs: int, seed: int, output: Path, method: str, failures: int, plots: bool,
+    config: Path | None, assignments: list[str] | None,
+) -> None:  # fmt: skip
+    from experiments.beyond.whole import DEFAULTS, Order, carry_out
+
+    order = Order(
+        cases=tuple(cases),
+        method=method,
+        trials=trials,
+        jobs=jobs,
+        first_seed=seed,
+        folder=output,
+        failures=failures,
+        drawn=plots,
+        layers=[*DEFAULTS.get(cases[0].experiment, []), *layers(config, assignments)],
+        command=shlex.join(["pushlane", *sys.argv[1:]]),
+    )
+    raise typer.Exit(0 if carry_out(order) else 130)
