@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from experiments.paper.cli import Failures, Jobs, Seed
+from experiments.paper.cli import KEPT, Failures, Jobs, Seed, names
 from runtime.cli.options import Assignments, ConfigFile, layers
 
 if TYPE_CHECKING:
@@ -36,11 +36,7 @@ Parameters = Annotated[
 ]
 Plots = Annotated[bool, typer.Option("--plots/--no-plots", help="Draw.")]
 
-_KEPT = (
-    "Writes report.md, trials.parquet, failures.md and plots, and prints the tables.\n\n"
-    "Finished trials are kept: the same command goes on where it was stopped (Ctrl-C stops it and writes the report "
-    "of what there is), and more --trials add to those there are. Results do not depend on --jobs."
-)
+_KEPT = f"Writes report.md, trials.parquet, failures.md and plots, and prints the tables.\n\n{KEPT}"
 
 
 def register(experiment: typer.Typer) -> None:
@@ -111,8 +107,7 @@ def robustness(
     """Run the sweep."""
     from experiments.beyond import cases
 
-    wanted = [part.strip() for part in parameters.split(",") if part.strip()]
-    _carry_out(cases.sweep(wanted), trials, jobs, seed, output, method, failures, plots, config, assignments)
+    _carry_out(cases.sweep(names(parameters)), trials, jobs, seed, output, method, failures, plots, config, assignments)
 
 
 def _carry_out(

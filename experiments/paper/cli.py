@@ -40,14 +40,18 @@ Failures = Annotated[
 ]
 Plots = Annotated[bool, typer.Option("--plots/--no-plots", help="Draw Fig. 7c, 9 and 10.")]
 
+KEPT = (
+    "Finished trials are kept: the same command goes on where it was stopped (Ctrl-C stops it and writes the report "
+    "of what there is), and more --trials add to those there are. Results do not depend on --jobs."
+)
+
 _DEFAULT = Path("out/experiments")
 _STARTS = ",".join(STARTS)
 _HELP = (
     "Prints and writes the paper's tables and figures with ours beside them: report.md, trials.parquet, failures.md, "
     "plots.\n\n"
     f"{WHAT_A_CELL_IS}\n\n"
-    "Finished trials are kept: the same command goes on where it was stopped (Ctrl-C stops it and writes the report "
-    "of what there is), and more --trials add to those there are. Results do not depend on --jobs."
+    f"{KEPT}"
 )
 
 
@@ -81,8 +85,8 @@ def _verb(experiments: Sequence[str]) -> Callable[..., None]:
             jobs=jobs,
             first_seed=seed,
             folder=output,
-            methods=_names(methods),
-            starts=_names(starts),
+            methods=names(methods),
+            starts=names(starts),
             failures=failures,
             drawn=plots,
             layers=layers(config, assignments),
@@ -94,5 +98,6 @@ def _verb(experiments: Sequence[str]) -> Callable[..., None]:
     return verb
 
 
-def _names(text: str) -> tuple[str, ...]:
+def names(text: str) -> tuple[str, ...]:
+    """Return the names of a list as an option gives it: A,B."""
     return tuple(part.strip() for part in text.split(",") if part.strip())

@@ -15,12 +15,11 @@ from replays.inspect.plan import lines_over_time
 from replays.inspect.session import Session
 from runtime.messages import ObjectState, Polyline, PushResponse, PushTarget, Truth
 from runtime.recorder.header import CONFIG_NAME
+from services.predictive.plan import COARSE, FINE, SHOWN, STEP
 
 Floats = NDArray[np.float64]
 
 EXPECTED, TAKEN = 0.034, 0.032
-FINE, FINE_STEP, COARSE_STEP, EVERY = 2.0, 0.05, 0.1, 4
-"""s: a plan's steps are fine at first, then coarse; every so-many-th is in the message (services/predictive/plan.py)"""
 AHEAD = 1.0  # s: how far ahead plan and motion are compared
 FEWEST = 2
 
@@ -50,9 +49,9 @@ def draw_expected(canvas: Canvas, session: Session, where: Places, taken: bool =
 
 def after(count: int) -> NDArray[np.int64]:
     """Return when a plan expects the `count` points of its paths, ns after its beginning, (count)."""
-    step = EVERY * np.arange(count) + 1
-    fine = np.minimum(step, round(FINE / FINE_STEP))
-    return np.rint(1e9 * (fine * FINE_STEP + (step - fine) * COARSE_STEP)).astype(np.int64)
+    step = SHOWN * np.arange(count) + 1
+    fine = np.minimum(step, round(FINE / STEP))
+    return np.rint(1e9 * (fine * STEP + (step - fine) * COARSE)).astype(np.int64)
 
 
 def _plot_errors(canvas: Canvas, session: Session) -> None:

@@ -43,12 +43,6 @@ _NOISE = 0.006
 _ROBUST = 4.0
 
 
-def median_error(response: Array, robots: Array, starts: Array, ends: Array, base: Array, contour: Array) -> float:
-    """Return the median distance, m, between where windows ended and where `response` says that they would."""
-    misses = [_miss(response, robots[i], starts[i], ends[i], base, contour)[0] for i in range(len(ends))]
-    return float(np.median(misses))
-
-
 @njit("f8[::1](f8[::1],f8[:,::1],f8[::1],f8[::1],f8[::1])", cache=True)
 def carried(response: Array, robots: Array, start: Array, base: Array, contour: Array) -> Array:
     """Return the object's pose, (3,), at the end of a window as `response` has it."""
@@ -74,6 +68,15 @@ def _miss(response: Array, robots: Array, start: Array, end: Array, base: Array,
     pose = carried(response, robots, start, base, contour)
     dx, dy = pose[0] - end[0], pose[1] - end[1]
     return math.sqrt(dx * dx + dy * dy), abs(wrapped(pose[2] - end[2]))
+
+
+@njit("f8(f8[::1],f8[:,:,::1],f8[:,::1],f8[:,::1],f8[::1],f8[::1])", cache=True)
+def median_error(response: Array, robots: Array, starts: Array, ends: Array, base: Array, contour: Array) -> float:
+    """Return the median distance, m, between where windows ended and where `response` says that they would."""
+    misses = np.empty(len(ends))
+    for i in range(len(ends)):
+        misses[i] = _miss(response, robots[i], starts[i], ends[i], base, contour)[0]
+    return float(np.median(misses))
 
 
 @njit("f8(f8[::1],f8[::1],f8,f8[:,:,::1],f8[:,::1],f8[:,::1],f8[::1],f8[::1],f8)", cache=True)

@@ -34,7 +34,10 @@ from services.predictive.model import ACCELERATION, RVX, RVY, RX, RY, X, Y, step
 
 Array = NDArray[np.float64]
 
-STEP = 0.05
+STEP, COARSE, FINE = 0.05, 0.1, 2.0
+"""s between the steps of a rollout, at first and later; s that they are fine for."""
+SHOWN = 4
+"""Every so-many-th step is in a PushPlan."""
 AHEAD, BIAS_OF, SPEED_OF, SIDE_OF, BODY_OF, STAND_OF, LEAN_OF, CANDIDATE = range(8)
 """Places in a candidate: m along the path to its target, rad, share of the full speed, way around; s to push at a
 place of the body first, its bearing, rad, object's frame, and the push's direction from the centre's, rad."""
@@ -48,8 +51,6 @@ _NEAR_EDGE = 40.0
 _PROGRESS = 0.8
 _ROOM = 0.04
 _BODY = 0.8
-_FINE = 2.0
-_COARSE = 0.1
 _STILL = 0.04
 _CHANGE = 0.1
 _BLOCKED = 10.0
@@ -142,13 +143,13 @@ def rollout(
     """Return the cost of a candidate; writes (object, robot) positions to `trace` (steps, 4), as far as it reaches."""
     state = start.copy()
     manoeuvre = np.empty(MANOEUVRE)
-    steps = int(_FINE / STEP) + int((settings[HORIZON] - _FINE) / _COARSE)
+    steps = int(FINE / STEP) + int((settings[HORIZON] - FINE) / COARSE)
     last = len(path) - 1
     cost, left, error = 0.0, 0.0, 0.0
     pushed = 0.0
     time, dt = 0.0, STEP
     for k in range(steps):
-        dt = STEP if time < _FINE - 1e-6 else _COARSE
+        dt = STEP if time < FINE - 1e-6 else COARSE
         index = advance(path, index, state[X], state[Y])
         manoeuvre_of(path, spacing, index, state, candidate, settings, manoeuvre)
         if manoeuvre[BODY] == 1.0 and pushed >= candidate[BODY_OF]:

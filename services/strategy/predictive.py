@@ -75,22 +75,23 @@ def choose(
     where = corridor.field.grid
     # Who walks around and thinks better of it halfway, again and again, gets nowhere.
     held = state.walking == 1.0 and state.favourite >= 0 and now - state.chosen < nanoseconds(_COMMITTED)
-    rows = _CANDIDATES[state.favourite : state.favourite + 1] if held else _CANDIDATES
-    best, cost = plan.choose(
-        start, state.walking, rows, base, contour, response, settings,
-        lane.path, lane.width, SPACING, index, *where, -1 if held else state.favourite,
-    )  # fmt: skip
-    if not held and int(best) != state.favourite:
-        state.favourite, state.chosen = int(best), now
+    cheapest = None
+    if not held:
+        best, cheapest = plan.choose(
+            start, state.walking, _CANDIDATES, base, contour, response, settings,
+            lane.path, lane.width, SPACING, index, *where, state.favourite,
+        )  # fmt: skip
+        if int(best) != state.favourite:
+            state.favourite, state.chosen = int(best), now
     row = _CANDIDATES[state.favourite]
     trace = np.zeros((int(config.horizon / plan.STEP) + 1, 4))
-    plan.rollout(
+    own = plan.rollout(
         start, state.walking, row, base, contour, response, settings,
         lane.path, lane.width, SPACING, index, *where, trace,
     )  # fmt: skip
     manoeuvre = np.empty(MANOEUVRE)
     plan.manoeuvre_of(lane.path, SPACING, index, start, row, settings, manoeuvre)
-    shown = trace[(trace != 0.0).any(axis=1)][::4]
+    shown = trace[(trace != 0.0).any(axis=1)][:: plan.SHOWN]
     message = PushPlan(
         ahead=row[plan.AHEAD],
         bias=row[plan.BIAS_OF],
@@ -99,7 +100,7 @@ def choose(
         body=row[plan.BODY_OF],
         stand=row[plan.STAND_OF],
         lean=row[plan.LEAN_OF],
-        cost=cost,
+        cost=own if cheapest is None else cheapest,
         object_path=polyline(shown[:, :2]),
         robot_path=polyline(shown[:, 2:]),
         speed_full=speed,
