@@ -94,7 +94,7 @@ def _draw_axis(canvas: Canvas, times: NDArray[np.int64], contours: Floats, respo
     anisotropy = responses[:, ANISOTROPY]
     # Below 0 the axis named is the hard one.
     angle = responses[:, AXIS] + np.where(anisotropy < 0.0, 0.5 * np.pi, 0.0)
-    size = np.maximum(contours[:, 0] - robot, 0.0) * (1.0 - np.exp(-np.abs(anisotropy)))
+    size = np.maximum(contours.mean(axis=1) - robot, 0.0) * (1.0 - np.exp(-np.abs(anisotropy)))
     along = size[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     canvas.fixed(
         f"{BODY}/easy_axis",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from services.predictive.model import basis
+
 Floats = NDArray[np.float64]
 
 
@@ -114,15 +116,13 @@ def activation_lobe(
 def contour_curves(contours: Floats, robot: float, bearings: Floats | None = None) -> tuple[Floats, Floats]:
     """(N, K, 2) where the robot's centre is in touch, and (N, K, 2) where it touches; object's frame, m.
 
-    The distance rho of the centres in touch at a bearing is a Fourier series with the coefficients `contours` (N, C):
-    mean, then cosine and sine of each order. The touch is the robot's radius `robot` along the curve's normal inwards.
+    The distance rho of the centres in touch at a bearing is a spline with the coefficients `contours` (N, C), as in
+    `services.predictive.model`. The touch is the robot's radius `robot` along the curve's normal inwards.
     `bearings` are (K), rad; by default a closed round of 97.
     """
     b = np.linspace(-np.pi, np.pi, 97) if bearings is None else bearings
-    orders = np.arange(1, (contours.shape[1] + 1) // 2)[:, None]
-    cos, sin = np.cos(orders * b), np.sin(orders * b)
-    rho = contours[:, :1] + contours[:, 1::2] @ cos + contours[:, 2::2] @ sin
-    slope = contours[:, 2::2] @ (orders * cos) - contours[:, 1::2] @ (orders * sin)
+    share, change = basis(b)
+    rho, slope = contours @ share.T, contours @ change.T
     radial = np.column_stack([np.cos(b), np.sin(b)])[None]
     tangential = np.column_stack([-np.sin(b), np.cos(b)])[None]
     normal = rho[..., None] * radial - slope[..., None] * tangential

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from runtime.messages import PushPlan
 from services.geometry.corridor import CorridorGeometry
 from services.predictive import plan as planning
-from services.predictive.law import MANOEUVRE, inside, kept_margin, wish
+from services.predictive.law import MANOEUVRE, inside, kept_margin, turning, wish
 from services.predictive.model import ACCELERATION, X, Y
 from services.predictive.situation import SPACING, Lane
 
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 def command(
     state: Array, plan: PushPlan, walking: float, corridor: CorridorGeometry, lane: Lane, base: Array, contour: Array
-) -> tuple[Array, float]:
-    """Return the velocity to send, (2,), m/s, map frame, and whether the robot walks around the object (1.0).
+) -> tuple[Array, float, float]:
+    """Return the velocity to send, (2,), m/s, map frame, rad/s, and whether the robot walks around the object (1.0).
 
     Args:
         state: where robot and object will be when the command takes effect.
@@ -36,4 +36,4 @@ def command(
     planning.manoeuvre_of(lane.path, SPACING, index, state, row, settings, manoeuvre)
     ux, uy, walking = wish(state, contour, manoeuvre, walking)
     u = inside(*corridor.field.grid, state, ux, uy, base[ACCELERATION], kept_margin(plan.margin, lane.width[index]))
-    return np.array(u), walking
+    return np.array(u), turning(state, contour), walking

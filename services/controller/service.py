@@ -136,9 +136,10 @@ class ControllerService(Service):
             return
         r, o = np.array((robot.pose.x, robot.pose.y)), vector(object.position)
         if self.goal.controller == "predictive":
-            wish = self._planned(now)
-        else:
-            wish = self._filtered(self._wish(self.goal.controller, r, o), r)
+            wish, omega = self._planned(now)
+            yield self._command(wish, robot.pose.theta, omega, now)
+            return
+        wish = self._filtered(self._wish(self.goal.controller, r, o), r)
         config = self.config
         omega, cut = turn(
             self.state.heading,
@@ -190,20 +191,20 @@ class ControllerService(Service):
         gains = Gains(config.k_gamma, config.k_mu_gamma, speed)
         return Wish(push_law.command(r, o, angle, known, gains), known.psi_push, known.psi_relocate)
 
-    def _planned(self, now: Time) -> Wish:
+    def _planned(self, now: Time) -> tuple[Wish, float]:
         """Follow the plan, from where robot and object will be when the command takes effect."""
         assert self.target is not None
         assert self.corridor is not None
         state = self.state
         if self.status is None or self._geometry is None or self._lane is None or not self.target.HasField("plan"):
-            return Wish(np.zeros(2))
+            return Wish(np.zeros(2)), 0.0
         base = base_of(self.status)
         contour, response = known(self.response, self.corridor.robot_diameter, self.corridor.object_diameter)
         there = state.track.at(now, base, contour, response)
-        u, state.walking = predictive.command(
+        u, omega, state.walking = predictive.command(
             there, self.target.plan, state.walking, self._geometry, self._lane, base, contour
         )
-        return Wish(u, 1.0 - state.walking, state.walking)
+        return Wish(u, 1.0 - state.walking, state.walking), omega
 
     def _take(self, corridor: Corridor | None) -> None:
         self._geometry = None if corridor is None else geometry(corridor)

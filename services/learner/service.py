@@ -28,7 +28,7 @@ from services.learner.von_mises import Posterior, estimate, prior, update
 from services.predictive.estimate import Track
 from services.predictive.experience import Experience
 from services.predictive.known import Known, triangle
-from services.predictive.model import YAW
+from services.predictive.model import TURN, YAW
 from services.predictive.situation import base_of
 
 _MOST_PENDING = 8
@@ -44,7 +44,7 @@ class LearnerState:
     samples: int = 0
     experience: Experience | None = None
     track: Track = field(default_factory=Track)
-    pending: list[tuple[int, float, float, float]] = field(default_factory=list)
+    pending: list[tuple[int, float, float, float, float]] = field(default_factory=list)
 
 
 class LearnerService(Service):
@@ -103,11 +103,12 @@ class LearnerService(Service):
         known, track = state.experience, state.track
         track.object_seen(object, base, known.contour, known.response)
         turned = object.yaw if object.HasField("yaw") else float(track.state[YAW])
-        state.pending = [*state.pending[-_MOST_PENDING:], (object.stamp, object.position.x, object.position.y, turned)]
+        seen = (object.stamp, object.position.x, object.position.y, turned, float(track.state[TURN]))
+        state.pending = [*state.pending[-_MOST_PENDING:], seen]
         # The robot's position of that time may still be on its way.
         while state.pending and state.pending[0][0] <= track.robots[-1][0]:
-            stamp, x, y, angle = state.pending.pop(0)
-            known.observe(stamp, track.robot_at(stamp), (x, y), angle, base)
+            stamp, x, y, angle, turn = state.pending.pop(0)
+            known.observe(stamp, track.robot_at(stamp), (x, y), angle, turn, base)
         yield self.response(
             PushResponse(
                 stamp=object.stamp,

@@ -19,6 +19,7 @@ from services.predictive.model import (
     RX,
     RY,
     STATE,
+    THETA,
     VX,
     VY,
     YAW,
@@ -37,11 +38,12 @@ _POSITION, _VELOCITY, _YAW, _SPIN, _ROBOT = 0.45, 1.6, 0.4, 1.0, 0.5
 
 @dataclass
 class Sent:
-    """A velocity that was sent, map frame."""
+    """A velocity that was sent, map frame, and the rate of turning."""
 
     time: int
     ux: float
     uy: float
+    turn: float
 
 
 @dataclass
@@ -64,7 +66,8 @@ class Track:
         """Take a command that was sent with the robot heading `theta`."""
         c, s = math.cos(theta), math.sin(theta)
         vx, vy = command.twist.vx, command.twist.vy
-        self.sent = [*self.sent[-_REMEMBERED + 1 :], Sent(command.stamp, c * vx - s * vy, s * vx + c * vy)]
+        sent = Sent(command.stamp, c * vx - s * vy, s * vx + c * vy, command.twist.omega)
+        self.sent = [*self.sent[-_REMEMBERED + 1 :], sent]
 
     def robot_seen(self, robot: RobotPose) -> None:
         """Take a position of the robot."""
@@ -87,7 +90,7 @@ class Track:
             return
         if self.time == 0 or stamp - self.time > _LONGEST_GAP:
             self.state = np.zeros(STATE)
-            self.state[[X, Y, YAW, RX, RY]] = x, y, yaw or 0.0, robot[1], robot[2]
+            self.state[[X, Y, YAW, RX, RY, THETA]] = x, y, yaw or 0.0, robot[1], robot[2], robot[3]
             self.time = stamp
             return
         state = self._carried(stamp, base, contour, response)
@@ -103,6 +106,7 @@ class Track:
         if abs(robot[0] - stamp) < 20_000_000:
             state[RX] += _ROBOT * (robot[1] - state[RX])
             state[RY] += _ROBOT * (robot[2] - state[RY])
+            state[THETA] += _ROBOT * wrapped(robot[3] - state[THETA])
         self.state, self.time = state, stamp
 
     def at(self, time: int, base: Array, contour: Array, response: Array) -> Array:
@@ -115,10 +119,10 @@ class Track:
         while time < until:
             following = [one.time for one in sent if one.time > time]
             end = min([*following, until, time + round(_STEP * 1e9)])
-            ux, uy = 0.0, 0.0
+            ux, uy, turn = 0.0, 0.0, 0.0
             for one in sent:
                 if one.time <= time:
-                    ux, uy = one.ux, one.uy
-            step(state, ux, uy, (end - time) * 1e-9, base, contour, response)
+                    ux, uy, turn = one.ux, one.uy, one.turn
+            step(state, ux, uy, turn, (end - time) * 1e-9, base, contour, response)
             time = end
         return state

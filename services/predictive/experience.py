@@ -1,8 +1,8 @@
 """Learns contour and response of an object from how it moved beside the robot, from nothing, while pushing.
 
-The contour is a Fourier series fitted by recursive least squares to distances at which robot and object were seen to
-touch. The response is found by random search: whatever explains short windows of the past better than what is held,
-with a prior, is held from then on. All in m, s, rad, map frame.
+The contour is a spline fitted by recursive least squares to distances at which robot and object were seen to touch.
+The response is found by random search: whatever explains short windows of the past better than what is held, with a
+prior, is held from then on. All in m, s, rad, map frame.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from services.predictive.fit import STEP, carried, median_error, search
 from services.predictive.known import Known, prior_spread
-from services.predictive.model import CONTOUR, ORDER, RESPONSE, prior_contour, prior_response, radius
+from services.predictive.model import CONTOUR, RESPONSE, basis, prior_contour, prior_response, radius
 
 Array = NDArray[np.float64]
 
@@ -48,9 +48,9 @@ class Experience:
         response, prior: (RESPONSE,).
         begun, trust: the response that it began with, (RESPONSE,), and how many times as much as of a stranger's
             prior it takes to leave it.
-        rows: the newest observations, (stamp ns, robot x, y, object x, y, yaw).
-        robots, starts, ends: windows: (W, SAMPLES, 2); (W, 7) pose, velocity and how far beyond the contour they
-            touched, m; (W, 3) pose.
+        rows: the newest observations, (stamp ns, robot x, y, object x, y, yaw, rate of the robot's turn).
+        robots, starts, ends: windows: (W, SAMPLES, 3) x, y and rate of turn; (W, 7) pose, velocity and how far beyond
+            the contour they touched, m; (W, 3) pose.
         reach: m, distance of the centres where robot and bounding circle touch.
         touches, seen: how many observations of the contour and windows were taken.
         error, prior_error: m, median over the windows, of what is held and of the prior.
@@ -63,8 +63,8 @@ class Experience:
     begun: Array
     reach: float
     generator: np.random.Generator
-    rows: list[tuple[int, float, float, float, float, float]] = field(default_factory=list)
-    robots: Array = field(default_factory=lambda: np.zeros((0, SAMPLES, 2)))
+    rows: list[tuple[int, float, float, float, float, float, float]] = field(default_factory=list)
+    robots: Array = field(default_factory=lambda: np.zeros((0, SAMPLES, 3)))
     starts: Array = field(default_factory=lambda: np.zeros((0, 7)))
     ends: Array = field(default_factory=lambda: np.zeros((0, 3)))
     touches: int = 0
@@ -94,9 +94,11 @@ class Experience:
             contour, spread, begun.copy(), prior, begun, reach, generator, touches=touches, seen=seen, trust=trust
         )
 
-    def observe(self, stamp: int, r: tuple[float, float], o: tuple[float, float], yaw: float, base: Array) -> None:
-        """Take an observation of both at `stamp`, and think about the past."""
-        self.rows = [*self.rows[-_ROWS + 1 :], (stamp, *r, *o, yaw)]
+    def observe(
+        self, stamp: int, r: tuple[float, float], o: tuple[float, float], yaw: float, turn: float, base: Array
+    ) -> None:
+        """Take an observation of both at `stamp`, the robot turning with `turn`, and think about the past."""
+        self.rows = [*self.rows[-_ROWS + 1 :], (stamp, *r, *o, yaw, turn)]
         self._touch()
         self.since += 1
         if len(self.rows) == _ROWS and self.since >= _EVERY:
@@ -135,13 +137,10 @@ class Experience:
 
     def _reaches(self, bearing: float, distance: float, noise: float) -> None:
         """Take the contour to be `distance`, m, away at `bearing`, to within `noise`, m, by recursive least squares."""
-        basis = np.empty(CONTOUR)
-        basis[0] = 1.0
-        for k in range(1, ORDER + 1):
-            basis[2 * k - 1], basis[2 * k] = math.cos(k * bearing), math.sin(k * bearing)
-        spread = self.spread @ basis
-        gain = spread / (float(basis @ spread) + noise**2)
-        self.contour = self.contour + gain * (distance - float(basis @ self.contour))
+        row = basis(np.array([bearing]))[0][0]
+        spread = self.spread @ row
+        gain = spread / (float(row @ spread) + noise**2)
+        self.contour = self.contour + gain * (distance - float(row @ self.contour))
         self.spread = self.spread - np.outer(gain, spread)
         self.spread = 0.5 * (self.spread + self.spread.T)
 
@@ -159,7 +158,7 @@ class Experience:
         end, _ = _line(rows[-2 * _TRAIL - 1 :])
         gaps = np.hypot(*(own[:, 0:2] - own[:, 2:4]).T)
         travel = math.hypot(*(own[-1, 2:4] - own[0, 2:4]))
-        if gaps.min() > self.contour[0] + _NEAR:
+        if gaps.min() > self.contour.mean() + _NEAR:
             return
         # Where they touch is the contour's to know: else its faults would be taken for the response's.
         beyond = self._closest(own)
@@ -168,10 +167,10 @@ class Experience:
         beyond = min(max(beyond, -_OFF_CONTOUR), _OFF_CONTOUR)
         start = np.array([*pose[2:5], *velocity[2:5], beyond])
         # What lay still and was to lie still teaches nothing, and would crowd out what does.
-        expected = carried(self.response, own[:, 0:2].copy(), start, base, self.contour)
+        expected = carried(self.response, own[:, [0, 1, 5]].copy(), start, base, self.contour)
         if travel < _MOVED and math.hypot(expected[0] - start[0], expected[1] - start[1]) < _MOVED:
             return
-        self.robots = np.concatenate([self.robots[-_WINDOWS + 1 :], own[None, :, 0:2]])
+        self.robots = np.concatenate([self.robots[-_WINDOWS + 1 :], own[None][..., [0, 1, 5]]])
         self.starts = np.concatenate([self.starts[-_WINDOWS + 1 :], start[None]])
         self.ends = np.concatenate([self.ends[-_WINDOWS + 1 :], end[None, 2:5]])
         self.seen += 1

@@ -26,6 +26,7 @@ from services.predictive.model import (
     RX,
     RY,
     STATE,
+    TURN,
     VX,
     VY,
     YAW,
@@ -50,7 +51,7 @@ def carried(response: Array, robots: Array, start: Array, base: Array, contour: 
     state[X], state[Y], state[YAW] = start[0], start[1], start[2]
     state[VX], state[VY], state[OMEGA] = start[3], start[4], start[5]
     contour = contour.copy()
-    contour[0] += start[6]
+    contour += start[6]
     for k in range(1, len(robots)):
         state[RX], state[RY] = robots[k, 0], robots[k, 1]
         before = max(k - 2, 0)
@@ -58,6 +59,7 @@ def carried(response: Array, robots: Array, start: Array, base: Array, contour: 
         duration = (after - before) * STEP
         state[RVX] = (robots[after, 0] - robots[before, 0]) / duration
         state[RVY] = (robots[after, 1] - robots[before, 1]) / duration
+        state[TURN] = robots[k, 2]
         answer(state, STEP, base, contour, response)
     return state[:3].copy()
 

@@ -16,8 +16,8 @@ from services.predictive.model import (
     CONTOUR,
     FRICTION,
     LENGTH,
-    ORDER,
     RESPONSE,
+    basis,
     prior_contour,
     radius,
 )
@@ -31,6 +31,7 @@ DIAMETER_OFF, ROBOT_OFF = 0.2, 0.01
 """shares by which the tracked object's diameter, and the robot's, may differ from the known ones"""
 
 _SURE = 0.02
+_WAVES = 10
 _SLACK = 0.015
 _BEARINGS = np.linspace(-np.pi, np.pi, 72, endpoint=False)
 
@@ -43,7 +44,11 @@ class Known(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     robot_diameter: Annotated[float, Meta(gt=0, le=1000, description="m, d_r, of the base that pushed it")]
     contour: Annotated[
         tuple[float, ...],
-        Meta(min_length=CONTOUR, max_length=CONTOUR, description="m, distance of the centres in touch, Fourier series"),
+        Meta(
+            min_length=CONTOUR,
+            max_length=CONTOUR,
+            description="m, distance of the centres in touch, a spline's coefficients",
+        ),
     ]
     spread: Annotated[
         tuple[float, ...],
@@ -92,8 +97,10 @@ class Known(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 def prior_spread(object_diameter: float) -> Array:
     """Return how unsure `model.prior_contour` is: its covariance, (CONTOUR, CONTOUR), m^2."""
-    deviations = np.array([0.05 * object_diameter / 0.25] + [0.03 / k for k in range(1, ORDER + 1) for _ in "cs"])
-    return np.diag(deviations**2)
+    # The size, and waves around of which the shorter are the smaller.
+    apart = 2.0 * np.pi * np.arange(CONTOUR) / CONTOUR
+    row = (0.05 * object_diameter / 0.25) ** 2 + sum((0.03 / k) ** 2 * np.cos(k * apart) for k in range(1, _WAVES + 1))
+    return np.asarray(row)[abs(np.subtract.outer(np.arange(CONTOUR), np.arange(CONTOUR)))]
 
 
 def plausible(contour: Array, spread: Array, robot_diameter: float, object_diameter: float) -> tuple[Array, Array]:
@@ -102,16 +109,14 @@ def plausible(contour: Array, spread: Array, robot_diameter: float, object_diame
     A series fitted on one side may say nonsense of the others, and be sure of it. If it goes beyond what base and
     bounding circle allow, only the bearings where it does not are believed, and the rest is as before any touch.
     """
-    orders = np.arange(1, ORDER + 1)
-    basis = np.ones((len(_BEARINGS), CONTOUR))
-    basis[:, 1::2], basis[:, 2::2] = np.cos(np.outer(_BEARINGS, orders)), np.sin(np.outer(_BEARINGS, orders))
-    reach = basis @ contour
+    rows, _ = basis(_BEARINGS)
+    reach = rows @ contour
     low, high = 0.5 * robot_diameter - _SLACK, 0.5 * (robot_diameter + object_diameter) + _SLACK
     possible = (reach > low) & (reach < high)
     if possible.all():
         return contour, spread
     contour, spread = prior_contour(robot_diameter, object_diameter), prior_spread(object_diameter)
-    for row, distance in zip(basis[possible], reach[possible], strict=True):
+    for row, distance in zip(rows[possible], reach[possible], strict=True):
         column = spread @ row
         gain = column / (float(row @ column) + _SURE**2)
         contour = contour + gain * (distance - float(row @ contour))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from services.geometry.angles import wrapped
 from services.geometry.field import lookup, slope
-from services.predictive.model import RAMP_X, RAMP_Y, RVX, RVY, RX, RY, YAW, X, Y, radius
+from services.predictive.model import RAMP_X, RAMP_Y, RVX, RVY, RX, RY, THETA, YAW, X, Y, radius
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,10 @@ _STEER_MOST = 1.1
 _RADIAL_GAIN = 3.0
 _INWARD_GAIN = 1.5
 _RIDGE = 0.2
+_TURN_GAIN = 1.5
+_TURN_MOST = 1.0
+_TOUCHING = 0.03
+_SLACK = 0.35
 _AHEAD = 0.15
 _TICK = 0.05
 
@@ -74,6 +78,22 @@ def wish(state: Array, contour: Array, manoeuvre: Array, walking: float) -> tupl
     free = min(max(gap / RING, 0.0), 1.0)
     around = way * free * math.sqrt(max(0.0, speed * speed - outward * outward))
     return outward * ex - around * ey, outward * ey + around * ex, walking
+
+
+@njit("f8(f8[::1],f8[::1])", cache=True)
+def turning(state: Array, contour: Array) -> float:
+    """Return the rate, rad/s, at which to turn so that the object stays in view.
+
+    A base that turns while it touches the object drags the object's side along; so in touch it turns only where
+    the object is more than _SLACK off the middle of its view.
+    """
+    dx, dy = state[X] - state[RX], state[Y] - state[RY]
+    bearing = math.atan2(dy, dx)
+    error = wrapped(bearing - state[THETA])
+    gap = math.sqrt(dx * dx + dy * dy) - radius(contour, bearing + math.pi - state[YAW])[0]
+    if gap < _TOUCHING:
+        error -= min(max(error, -_SLACK), _SLACK)
+    return min(max(_TURN_GAIN * error, -_TURN_MOST), _TURN_MOST)
 
 
 @njit("f8(f8,f8)", cache=True)

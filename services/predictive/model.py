@@ -1,10 +1,11 @@
 """A forward model of robot and object in the plane: who moves where when the robot is sent a velocity.
 
 The object is known by two things. Its contour rho(b): the distance between the centres of robot and object when they
-touch and the robot stands at the bearing b from the object, in the object's frame; a Fourier series. The normal of
-this curve is the normal of the contact. And its response: an ellipsoidal limit surface (Howe and Cutkosky 1996) with
-the quasi-static closed form for a contact that sticks or slides (Lynch, Maekawa and Tanie 1992), and how fast it
-comes to rest alone.
+touch and the robot stands at the bearing b from the object, in the object's frame; a periodic cubic B-spline. The
+normal of this curve is the normal of the contact. And its response: an ellipsoidal limit surface (Howe and Cutkosky
+1996) with the quasi-static closed form for a contact that sticks or slides (Lynch, Maekawa and Tanie 1992), and how
+fast it comes to rest alone. What moves the contact is the robot's side: it goes with the robot's turn as well, and an
+object on wheels is dragged a long way by that.
 
 All quantities are in m, s, rad, map frame, unless said.
 """
@@ -19,9 +20,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ORDER = 4
-CONTOUR = 2 * ORDER + 1
-"""coefficients of the contour: mean, then cosine and sine of each order"""
+CONTOUR = 24
+"""coefficients of the contour: one every 15 degrees; a corner of the object is a bend of the contour that wide"""
 
 ANISOTROPY, AXIS, CENTRE_X, CENTRE_Y, LENGTH, FRICTION, COASTING, RESPONSE = range(8)
 """Places in a response: log of friction across over along the easy axis, at least 0; rad, the axis in the object's
@@ -29,9 +29,9 @@ frame; m, the centre of friction in the object's frame; m, most friction torque 
 one across: what turns must slide across its wheels; friction coefficient between robot and object; m/s^2, deceleration
 along the easy axis. RESPONSE is their number."""
 
-X, Y, YAW, VX, VY, OMEGA, RX, RY, RVX, RVY, RAMP_X, RAMP_Y, STATE = range(13)
-"""Places in a state: the object's pose and velocity, the robot's position, velocity, and the velocity its ramp has
-reached. STATE is their number."""
+X, Y, YAW, VX, VY, OMEGA, RX, RY, RVX, RVY, RAMP_X, RAMP_Y, THETA, TURN, STATE = range(15)
+"""Places in a state: the object's pose and velocity, the robot's position, velocity, the velocity its ramp has
+reached, its orientation, and the rate at which it turns. STATE is their number."""
 
 ACCELERATION, LAG, RADIUS, BASE = range(4)
 """Places in a base: m/s^2 of the ramp, s of the lag behind it, m of the robot's disc. BASE is their number."""
@@ -42,9 +42,7 @@ _EPSILON = 1e-9
 
 def prior_contour(robot_diameter: float, object_diameter: float) -> Array:
     """Return the contour of a disc somewhat inside the bounding circle: (CONTOUR,)."""
-    contour = np.zeros(CONTOUR)
-    contour[0] = 0.5 * robot_diameter + 0.42 * object_diameter
-    return contour
+    return np.full(CONTOUR, 0.5 * robot_diameter + 0.42 * object_diameter)
 
 
 def prior_response(object_diameter: float) -> Array:
@@ -56,23 +54,36 @@ def prior_response(object_diameter: float) -> Array:
     return response
 
 
+_PER_RADIAN = CONTOUR / (2.0 * math.pi)
+
+
 @njit("UniTuple(f8,2)(f8[::1],f8)", cache=True)
 def radius(contour: Array, bearing: float) -> tuple[float, float]:
     """Return rho and its derivative at `bearing`, object's frame."""
-    c, s = math.cos(bearing), math.sin(bearing)
-    ck, sk = c, s
-    rho, slope = contour[0], 0.0
-    for k in range(1, ORDER + 1):
-        a, b = contour[2 * k - 1], contour[2 * k]
-        rho += a * ck + b * sk
-        slope += k * (b * ck - a * sk)
-        ck, sk = ck * c - sk * s, sk * c + ck * s
-    return rho, slope
+    place = bearing * _PER_RADIAN
+    cell = math.floor(place)
+    f = place - cell
+    i = int(cell) % CONTOUR
+    g = 1.0 - f
+    a, b = contour[i - 1], contour[i]
+    c, d = contour[(i + 1) % CONTOUR], contour[(i + 2) % CONTOUR]
+    rho = a * g * g * g + b * (4.0 - 3.0 * f * f * (1.0 + g)) + c * (4.0 - 3.0 * g * g * (1.0 + f)) + d * f * f * f
+    slope = 0.5 * (-a * g * g + b * f * (3.0 * f - 4.0) - c * g * (3.0 * g - 4.0) + d * f * f)
+    return rho / 6.0, _PER_RADIAN * slope
 
 
-@njit("void(f8[::1],f8,f8,f8,f8[::1])", cache=True)
-def drive(state: Array, ux: float, uy: float, dt: float, base: Array) -> None:
-    """Let the robot follow the velocity (ux, uy) for `dt`: ramp, lag, motion. Changes `state`."""
+def basis(bearings: Array) -> tuple[Array, Array]:
+    """Return what each coefficient counts for in rho and its derivative at `bearings`, (N,): two (N, CONTOUR).
+
+    The first has rows of sum 1, the second of sum 0.
+    """
+    found = np.array([[radius(one, float(bearing)) for one in np.eye(CONTOUR)] for bearing in bearings])
+    return np.ascontiguousarray(found[..., 0]), np.ascontiguousarray(found[..., 1])
+
+
+@njit("void(f8[::1],f8,f8,f8,f8,f8[::1])", cache=True)
+def drive(state: Array, ux: float, uy: float, turn: float, dt: float, base: Array) -> None:
+    """Let the robot follow the velocity (ux, uy) and the rate `turn` for `dt`: ramp, lag, motion. Changes `state`."""
     dx, dy = ux - state[RAMP_X], uy - state[RAMP_Y]
     change = math.sqrt(dx * dx + dy * dy)
     most = base[ACCELERATION] * dt
@@ -80,7 +91,9 @@ def drive(state: Array, ux: float, uy: float, dt: float, base: Array) -> None:
     state[RAMP_X] += share * dx
     state[RAMP_Y] += share * dy
     keep = math.exp(-dt / base[LAG]) if base[LAG] > 0.0 else 0.0
-    before_x, before_y = state[RVX], state[RVY]
+    before_x, before_y, before = state[RVX], state[RVY], state[TURN]
+    state[TURN] = turn + keep * (before - turn)
+    state[THETA] += 0.5 * dt * (before + state[TURN])
     state[RVX] = state[RAMP_X] + keep * (state[RVX] - state[RAMP_X])
     state[RVY] = state[RAMP_Y] + keep * (state[RVY] - state[RAMP_Y])
     state[RX] += 0.5 * dt * (before_x + state[RVX])
@@ -167,9 +180,12 @@ def answer(state: Array, dt: float, base: Array, contour: Array, response: Array
         dx, dy = state[RX] - state[X], state[RY] - state[Y]
         px, py = dx - base[RADIUS] * nx, dy - base[RADIUS] * ny  # contact, from the object's centre
         vx, vy, omega = state[VX] - state[OMEGA] * py, state[VY] + state[OMEGA] * px, state[OMEGA]
+        # The side of a base that turns moves along with the turn.
+        side = base[RADIUS] * state[TURN]
+        rx, ry = state[RVX] + side * ny, state[RVY] - side * nx
         closing = -((state[RVX] - vx) * nx + (state[RVY] - vy) * ny)
         if closing > 0.0:
-            vx, vy, omega = _pushed(state[YAW], px, py, -nx, -ny, state[RVX], state[RVY], response)
+            vx, vy, omega = _pushed(state[YAW], px, py, -nx, -ny, rx, ry, response)
             state[VX], state[VY], state[OMEGA] = vx, vy, omega
     state[X] += dt * state[VX]
     state[Y] += dt * state[VY]
@@ -182,8 +198,10 @@ def answer(state: Array, dt: float, base: Array, contour: Array, response: Array
             state[Y] += gap * ny
 
 
-@njit("void(f8[::1],f8,f8,f8,f8[::1],f8[::1],f8[::1])", cache=True)
-def step(state: Array, ux: float, uy: float, dt: float, base: Array, contour: Array, response: Array) -> None:
-    """Let `dt` pass with the robot sent (ux, uy). Changes `state`."""
-    drive(state, ux, uy, dt, base)
+@njit("void(f8[::1],f8,f8,f8,f8,f8[::1],f8[::1],f8[::1])", cache=True)
+def step(
+    state: Array, ux: float, uy: float, turn: float, dt: float, base: Array, contour: Array, response: Array
+) -> None:
+    """Let `dt` pass with the robot sent (ux, uy) and `turn`, rad/s. Changes `state`."""
+    drive(state, ux, uy, turn, dt, base)
     answer(state, dt, base, contour, response)

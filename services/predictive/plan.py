@@ -28,6 +28,7 @@ from services.predictive.law import (
     WALK,
     inside,
     kept_margin,
+    turning,
     wish,
 )
 from services.predictive.model import ACCELERATION, RVX, RVY, RX, RY, X, Y, step
@@ -56,6 +57,10 @@ _CHANGE = 0.1
 _BLOCKED = 10.0
 _CAREFUL = 0.2
 _RISK = 15.0
+_PUSHED = 2.5
+_LONGEST = 12.0
+_ASIDE = 1.5
+_SHORT = 30.0
 
 
 def candidates() -> Array:
@@ -143,12 +148,17 @@ def rollout(
     """Return the cost of a candidate; writes (object, robot) positions to `trace` (steps, 4), as far as it reaches."""
     state = start.copy()
     manoeuvre = np.empty(MANOEUVRE)
-    steps = int(FINE / STEP) + int((settings[HORIZON] - FINE) / COARSE)
+    steps = int(FINE / STEP) + int((_LONGEST - FINE) / COARSE)
     last = len(path) - 1
     cost, left, error = 0.0, 0.0, 0.0
+    depth, needed = 0.0, 0.0
     pushed = 0.0
+    reach = contour.mean()
     time, dt = 0.0, STEP
     for k in range(steps):
+        # Who walks first is judged by pushing as well: else the best push would be one that is never begun.
+        if time > settings[HORIZON] - 1e-6 and pushed > _PUSHED - 1e-6:
+            break
         dt = STEP if time < FINE - 1e-6 else COARSE
         index = advance(path, index, state[X], state[Y])
         manoeuvre_of(path, spacing, index, state, candidate, settings, manoeuvre)
@@ -159,11 +169,11 @@ def rollout(
             pushed += dt
         kept = kept_margin(settings[MARGIN], width[index])
         ux, uy = inside(values, x0, y0, resolution, state, ux, uy, base[ACCELERATION], kept)
-        step(state, ux, uy, dt, base, contour, response)
+        step(state, ux, uy, turning(state, contour), dt, base, contour, response)
         time += dt
         qx, qy = state[X] - path[index, 0], state[Y] - path[index, 1]
         lateral = math.sqrt(qx * qx + qy * qy)
-        left = (last - index) * spacing + lateral
+        left = (last - index) * spacing + _ASIDE * lateral
         if k < len(trace):
             trace[k, 0], trace[k, 1], trace[k, 2], trace[k, 3] = state[X], state[Y], state[RX], state[RY]
         gx, gy = state[X] - path[last, 0], state[Y] - path[last, 1]
@@ -172,7 +182,7 @@ def rollout(
             break
         depth = lookup(values, x0, y0, resolution, state[X], state[Y])
         own = lookup(values, x0, y0, resolution, state[RX], state[RY])
-        needed = min(contour[0] + _ROOM, 0.75 * max(width[index], 0.0))
+        needed = min(reach + _ROOM, 0.75 * max(width[index], 0.0))
         cost += dt * (1.0 + _danger(depth, own, needed, walking))
     if left > 0.0:
         bearing = math.atan2(state[RY] - state[Y], state[RX] - state[X])
@@ -182,9 +192,11 @@ def rollout(
         if state[RVX] * state[RVX] + state[RVY] * state[RVY] < _STILL * _STILL:
             cost += _BLOCKED
         # What is left is time as well: to walk to behind the object, and to push it.
-        far = math.hypot(state[RX] - state[X], state[RY] - state[Y]) - contour[0]
-        walk = (error * contour[0] + max(far, 0.0)) / settings[SPEED_WALK]
+        far = math.hypot(state[RX] - state[X], state[RY] - state[Y]) - reach
+        walk = (error * reach + max(far, 0.0)) / settings[SPEED_WALK]
         cost += walk + left / (_PROGRESS * settings[SPEED_FULL])
+        # Near the edge the robot cannot stand where it would have to.
+        cost += _SHORT * max(0.0, needed - depth)
     return cost
 
 

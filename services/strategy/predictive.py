@@ -21,7 +21,9 @@ from services.strategy.config import PredictiveConfig
 Array = NDArray[np.float64]
 
 _WHEELS = 0.8
-_COMMITTED = 1.5
+_COMMITTED = 6.0
+_DISAPPOINTED = 5.0
+_BEGUN = 1.2
 _CANDIDATES = plan.candidates()
 
 
@@ -34,6 +36,8 @@ class PlannerState:
         favourite: number of the candidate in force; -1 for none.
         walking: 1 while the robot walks around the object.
         chosen: when the favourite was chosen, ns.
+        promised: its cost then, s.
+        walked: when the robot last walked around the object, ns.
         rolls: the object was taken to have wheels in this push.
     """
 
@@ -41,6 +45,8 @@ class PlannerState:
     favourite: int = -1
     walking: float = 0.0
     chosen: int = 0
+    promised: float = 0.0
+    walked: int = 0
     rolls: bool = False
 
 
@@ -74,21 +80,34 @@ def choose(
     index = lane.nearest(start[X], start[Y])
     where = corridor.field.grid
     # Who walks around and thinks better of it halfway, again and again, gets nowhere.
-    held = state.walking == 1.0 and state.favourite >= 0 and now - state.chosen < nanoseconds(_COMMITTED)
-    cheapest = None
+    if state.walking == 1.0:
+        state.walked = now
+    begun = state.chosen < state.walked and now - state.walked < nanoseconds(_BEGUN)
+    held = state.favourite >= 0 and begun and now - state.chosen < nanoseconds(_COMMITTED)
+    row = _CANDIDATES[state.favourite]
+    trace = np.zeros((int(config.horizon / plan.STEP) + 1, 4))
+    own = np.inf
+    if held:
+        own = plan.rollout(
+            start, state.walking, row, base, contour, response, settings,
+            lane.path, lane.width, SPACING, index, *where, trace,
+        )  # fmt: skip
+        held = own < state.promised + _DISAPPOINTED
     if not held:
-        best, cheapest = plan.choose(
+        best, _ = plan.choose(
             start, state.walking, _CANDIDATES, base, contour, response, settings,
             lane.path, lane.width, SPACING, index, *where, state.favourite,
         )  # fmt: skip
         if int(best) != state.favourite:
             state.favourite, state.chosen = int(best), now
-    row = _CANDIDATES[state.favourite]
-    trace = np.zeros((int(config.horizon / plan.STEP) + 1, 4))
-    own = plan.rollout(
-        start, state.walking, row, base, contour, response, settings,
-        lane.path, lane.width, SPACING, index, *where, trace,
-    )  # fmt: skip
+        row = _CANDIDATES[state.favourite]
+        trace[:] = 0.0
+        own = plan.rollout(
+            start, state.walking, row, base, contour, response, settings,
+            lane.path, lane.width, SPACING, index, *where, trace,
+        )  # fmt: skip
+        if state.chosen == now:
+            state.promised = own
     manoeuvre = np.empty(MANOEUVRE)
     plan.manoeuvre_of(lane.path, SPACING, index, start, row, settings, manoeuvre)
     shown = trace[(trace != 0.0).any(axis=1)][:: plan.SHOWN]
@@ -100,7 +119,7 @@ def choose(
         body=row[plan.BODY_OF],
         stand=row[plan.STAND_OF],
         lean=row[plan.LEAN_OF],
-        cost=own if cheapest is None else cheapest,
+        cost=own,
         object_path=polyline(shown[:, :2]),
         robot_path=polyline(shown[:, 2:]),
         speed_full=speed,

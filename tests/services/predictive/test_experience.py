@@ -36,10 +36,10 @@ def pushed_about(response: np.ndarray, seconds: float, noise: float, before: Kno
             state[[m.VX, m.VY, m.OMEGA]] = 0.0
             known.rows = []
         for _ in range(10):
-            m.step(state, 0.3 * math.cos(angle + 0.2), 0.3 * math.sin(angle + 0.2), 0.005, BASE, contour, response)
+            m.step(state, 0.3 * math.cos(angle + 0.2), 0.3 * math.sin(angle + 0.2), 0.0, 0.005, BASE, contour, response)
         seen = state[[m.RX, m.RY, m.X, m.Y]] + noise * generator.standard_normal(4)
         yaw = state[m.YAW] + 0.035 * generator.standard_normal()
-        known.observe(50_000_000 * (k + 1), (seen[0], seen[1]), (seen[2], seen[3]), float(yaw), BASE)
+        known.observe(50_000_000 * (k + 1), (seen[0], seen[1]), (seen[2], seen[3]), float(yaw), 0.0, BASE)
     return known
 
 
@@ -64,7 +64,7 @@ def test_an_even_disc_stays_one() -> None:
 def test_nothing_is_learned_from_standing_still() -> None:
     known = Experience.of(0.46, 0.3, seed=1)
     for k in range(200):
-        known.observe(50_000_000 * (k + 1), (-1.0, 0.0), (0.0, 0.0), 0.0, BASE)
+        known.observe(50_000_000 * (k + 1), (-1.0, 0.0), (0.0, 0.0), 0.0, 0.0, BASE)
     assert (known.touches, known.seen) == (0, 0)
     assert np.array_equal(known.response, known.prior)
 
@@ -95,7 +95,7 @@ def test_touches_on_one_side_do_not_move_the_far_side_out_of_the_bounding_circle
         reach = 0.33 + 0.15 * aside
         r = (x - reach * math.cos(aside), reach * math.sin(aside))
         seen = generator.normal(0.0, 0.005, 4)
-        known.observe(50_000_000 * (k + 1), (r[0] + seen[0], r[1] + seen[1]), (x + seen[2], seen[3]), 0.0, BASE)
+        known.observe(50_000_000 * (k + 1), (r[0] + seen[0], r[1] + seen[1]), (x + seen[2], seen[3]), 0.0, 0.0, BASE)
     assert known.touches > 100
     reaches = [m.radius(known.contour, b)[0] for b in np.linspace(-math.pi, math.pi, 73)]
     assert max(reaches) < 0.5 * (0.46 + 0.3) + 0.02, reaches

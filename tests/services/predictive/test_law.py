@@ -32,7 +32,7 @@ def test_no_wish_takes_the_base_out_of_the_corridor(x: float, y: float, wishes: 
             u = law.inside(
                 *WHERE, state, 0.3 * math.cos(angle), 0.3 * math.sin(angle), 0.4, 0.02,
             )  # fmt: skip
-            m.drive(state, *u, 0.05, BASE)
+            m.drive(state, *u, 0.0, 0.05, BASE)
             deepest = min(deepest, FIELD.value(state[m.RX], state[m.RY]))
     assert deepest > 0.0
 
@@ -56,7 +56,7 @@ def driven(bearing: float, side: float = 0.0, seconds: float = 14.0) -> tuple[np
     walking, swept, before = 0.0, 0.0, bearing
     for _ in range(round(seconds / 0.05)):
         ux, uy, walking = law.wish(state, contour, manoeuvre, walking)
-        m.step(state, ux, uy, 0.05, BASE, contour, response)
+        m.step(state, ux, uy, law.turning(state, contour), 0.05, BASE, contour, response)
         now = math.atan2(state[m.RY] - state[m.Y], state[m.RX] - state[m.X])
         swept += wrapped(now - before)
         before = now
@@ -73,6 +73,24 @@ def test_from_every_side_the_robot_comes_behind_and_pushes_on(bearing: float) ->
 def test_the_way_around_can_be_chosen() -> None:
     assert driven(0.1, side=1.0)[1] > 2.0
     assert driven(0.1, side=-1.0)[1] < -2.0
+
+
+@pytest.mark.parametrize(("gap", "off", "least", "most"), [
+    (0.2, 0.1, 0.1, 0.2), (0.2, -2.5, -1.0, -1.0), (0.0, 0.3, 0.0, 0.0), (0.0, 0.9, 0.5, 1.0), (0.0, -0.9, -1.0, -0.5),
+])  # fmt: skip
+def test_the_base_turns_to_the_object_and_in_touch_only_where_it_must(
+    gap: float, off: float, least: float, most: float
+) -> None:
+    contour, state = m.prior_contour(0.46, 0.3), np.zeros(m.STATE)
+    state[m.RX] = -(contour[0] + gap)  # the object is towards 0 rad
+    state[m.THETA] = -off
+    assert least <= law.turning(state, contour) <= most
+
+
+def test_the_base_keeps_the_object_in_view_while_it_walks_around_and_pushes() -> None:
+    state, _ = driven(0.4, seconds=20.0)
+    bearing = math.atan2(state[m.Y] - state[m.RY], state[m.X] - state[m.RX])
+    assert abs(wrapped(bearing - state[m.THETA])) < 0.4
 
 
 @given(st.floats(-50.0, 50.0))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from scipy.interpolate import BSpline
 from scipy.optimize import minimize
 
 from services.predictive import model as m
@@ -24,11 +25,13 @@ def touching(bearing: float, response: np.ndarray, contour: np.ndarray, yaw: flo
     return state
 
 
-def pushed(state: np.ndarray, vx: float, vy: float, response: np.ndarray, contour: np.ndarray) -> np.ndarray:
-    """Return the object's twist when the robot moves with (vx, vy)."""
+def pushed(
+    state: np.ndarray, vx: float, vy: float, response: np.ndarray, contour: np.ndarray, turn: float = 0.0
+) -> np.ndarray:
+    """Return the object's twist when the robot moves with (vx, vy) and turns with `turn`."""
     base = np.array([0.4, 0.0, 0.23])
     state = state.copy()
-    state[m.RVX], state[m.RVY] = vx, vy
+    state[m.RVX], state[m.RVY], state[m.TURN] = vx, vy, turn
     m.answer(state, 1e-9, base, contour, response)
     return state[[m.VX, m.VY, m.OMEGA]]
 
@@ -75,15 +78,17 @@ def least_dissipation(response: np.ndarray, contact: np.ndarray, velocity: np.nd
     return np.array((*v, omega))
 
 
-@given(RESPONSES, st.floats(-3.1, 3.1), st.floats(-3.1, 3.1), st.floats(-0.9, 0.9))
+@given(RESPONSES, st.floats(-3.1, 3.1), st.floats(-3.1, 3.1), st.floats(-0.9, 0.9), st.floats(-1.0, 1.0))
 def test_a_contact_that_sticks_moves_the_object_with_least_dissipation(
-    response: np.ndarray, yaw: float, bearing: float, aside: float
+    response: np.ndarray, yaw: float, bearing: float, aside: float, turn: float
 ) -> None:
     contour = m.prior_contour(0.46, 0.3)
     state = touching(bearing, response, contour, yaw)
     inward = -state[[m.RX, m.RY]] / np.hypot(*state[[m.RX, m.RY]])
     velocity = 0.2 * (math.cos(aside) * inward + math.sin(aside) * np.array((-inward[1], inward[0])))
-    found = pushed(state, *velocity, response, contour)
+    found = pushed(state, *velocity, response, contour, turn)
+    # The side of a disc that turns goes with it.
+    velocity = velocity + 0.23 * turn * np.array((-inward[1], inward[0]))
     contact = state[[m.RX, m.RY]] + 0.23 * inward
     expected = least_dissipation(response, contact, velocity, yaw)
     # Who would have to pull does not stick: the force on the object is along the gradient of the power.
@@ -122,7 +127,7 @@ def test_a_disc_pushed_through_its_centre_goes_straight_on() -> None:
     state, base = np.zeros(m.STATE), np.array([0.4, 0.1, 0.23])
     state[m.RX] = -0.5
     for _ in range(4000):
-        m.step(state, 0.3, 0.0, DT, base, contour, response)
+        m.step(state, 0.3, 0.0, 0.0, DT, base, contour, response)
     rho, _ = m.radius(contour, math.pi)
     assert state[m.X] - state[m.RX] == pytest.approx(rho, abs=0.005)
     assert (state[m.VX], state[m.VY], state[m.OMEGA]) == pytest.approx((0.3, 0.0, 0.0), abs=1e-6)
@@ -134,7 +139,7 @@ def test_an_object_left_alone_stops_after_v_squared_over_2a() -> None:
     state, base = np.zeros(m.STATE), np.array([0.4, 0.1, 0.23])
     state[m.RX], state[m.VX] = -5.0, 0.3
     for _ in range(2000):
-        m.step(state, 0.0, 0.0, DT, base, contour, response)
+        m.step(state, 0.0, 0.0, 0.0, DT, base, contour, response)
     assert state[m.X] == pytest.approx(0.3**2 / (2 * 0.5), abs=2e-4)
     assert state[m.VX] == 0.0
 
@@ -142,21 +147,27 @@ def test_an_object_left_alone_stops_after_v_squared_over_2a() -> None:
 def test_the_base_ramps_and_lags() -> None:
     base, state = np.array([0.4, 0.1, 0.23]), np.zeros(m.STATE)
     for _ in range(500):
-        m.drive(state, 0.3, 0.0, DT, base)
+        m.drive(state, 0.3, 0.0, 0.6, DT, base)
     # The ramp has reached 0.2 m/s; behind a lag T a ramp a t has a (t - T (1 - exp(-t / T))).
     assert state[m.RAMP_X] == pytest.approx(0.2, abs=1e-9)
     assert state[m.RVX] == pytest.approx(0.4 * (0.5 - 0.1 * (1 - math.exp(-5.0))), abs=1e-3)
+    # A step to w behind a lag T: w (1 - exp(-t / T)), and its integral.
+    assert state[m.TURN] == pytest.approx(0.6 * (1 - math.exp(-5.0)), abs=1e-9)
+    assert state[m.THETA] == pytest.approx(0.6 * (0.5 - 0.1 * (1 - math.exp(-5.0))), abs=1e-3)
 
 
 @given(st.lists(st.floats(-0.05, 0.05), min_size=m.CONTOUR - 1, max_size=m.CONTOUR - 1), st.floats(-7.0, 7.0))
 def test_the_contour_has_the_slope_that_differences_have(rest: list[float], bearing: float) -> None:
-    contour = np.array([0.35, *rest])
+    contour = 0.35 + np.array([0.0, *rest])
     h = 1e-6
     rho, slope = m.radius(contour, bearing)
-    by_hand = 0.35 + sum(
-        rest[2 * k - 2] * math.cos(k * bearing) + rest[2 * k - 1] * math.sin(k * bearing) for k in range(1, m.ORDER + 1)
-    )
-    assert rho == pytest.approx(by_hand, abs=1e-12)
+    # Coefficient 0 is that of bearing 0; scipy's first basis spline begins two knots before its middle.
+    knot = math.tau / m.CONTOUR
+    whole = BSpline(knot * np.arange(-5, m.CONTOUR + 6), np.r_[contour[-3:], contour, contour[:4]], 3)
+    assert rho == pytest.approx(float(whole(bearing % math.tau)), abs=1e-12)
+    share, change = m.basis(np.array([bearing]))
+    assert (share @ contour)[0] == pytest.approx(rho, abs=1e-12)
+    assert (change @ contour)[0] == pytest.approx(slope, abs=1e-12)
     difference = (m.radius(contour, bearing + h)[0] - m.radius(contour, bearing - h)[0]) / (2 * h)
     assert slope == pytest.approx(difference, abs=1e-6)
 
@@ -168,6 +179,6 @@ def test_an_object_pushed_straight_goes_as_far_as_the_robot_whatever_the_step(dt
     state[m.RVX] = state[m.RAMP_X] = 0.3
     begin = state[m.RX]
     for _ in range(round(0.4 / dt)):
-        m.step(state, 0.3, 0.0, dt, np.array([0.4, 0.1, 0.23]), contour, response)
+        m.step(state, 0.3, 0.0, 0.0, dt, np.array([0.4, 0.1, 0.23]), contour, response)
     assert state[m.RX] - begin == pytest.approx(0.12, abs=1e-9)
     assert state[m.X] == pytest.approx(0.12, abs=0.004)
