@@ -31,8 +31,5 @@ class ControllerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     silence: Annotated[
         float, Meta(gt=0, le=60, description="s without news of the push from the task after which the base is stopped")
     ] = 1.0
-    barrier: Annotated[bool, Meta(description="limit the speed towards the corridor's edge; off as in the paper")] = (
-        False
-    )
-    barrier_gain: Annotated[float, Meta(gt=0, le=20, description="1/s, outward speed allowed per m of depth")] = 2.0
+    barrier: Annotated[bool, Meta(description="keep the robot inside the corridor; off as in the paper")] = False
     barrier_margin: Annotated[float, Meta(ge=0, le=1, description="m kept from the corridor's edge")] = 0.02

@@ -139,7 +139,7 @@ class ControllerService(Service):
             wish, omega = self._planned(now)
             yield self._command(wish, robot.pose.theta, omega, now)
             return
-        wish = self._filtered(self._wish(self.goal.controller, r, o), r)
+        wish = self._filtered(self._wish(self.goal.controller, r, o), now)
         config = self.config
         omega, cut = turn(
             self.state.heading,
@@ -231,11 +231,12 @@ class ControllerService(Service):
     def _prior(self, behaviour: PushBehaviour, angle: float) -> Behaviour:
         return push_law.non_adaptive(angle, behaviour.gamma)
 
-    def _filtered(self, wish: Wish, r: Array) -> Wish:
-        if not self.config.barrier or self._geometry is None:
+    def _filtered(self, wish: Wish, now: Time) -> Wish:
+        if not self.config.barrier or self._geometry is None or self._lane is None or self.status is None:
             return wish
+        base = base_of(self.status)
         u, limited = barrier.guard(
-            self._geometry.field, r, wish.u, self.config.barrier_gain, self.config.barrier_margin
+            self._geometry, self._lane, self.state.track, wish.u, now, base, self.config.barrier_margin
         )
         return Wish(u, wish.psi_push, wish.psi_relocate, wish.limited or limited)
 

@@ -16,6 +16,10 @@ from runtime.messages import ObjectState, RobotPose, VelocityCommand
 from services.geometry.angles import wrapped
 from services.predictive.model import (
     OMEGA,
+    RAMP_X,
+    RAMP_Y,
+    RVX,
+    RVY,
     RX,
     RY,
     STATE,
@@ -25,6 +29,7 @@ from services.predictive.model import (
     YAW,
     X,
     Y,
+    drive,
     step,
 )
 
@@ -80,6 +85,22 @@ class Track:
         x = np.interp(0, times, [one[1] for one in self.robots])
         y = np.interp(0, times, [one[2] for one in self.robots])
         return float(x), float(y)
+
+    def robot_at_present(self, time: int, base: Array) -> Array:
+        """Return a state, (STATE,), with the robot where it is at `time`: from its newest position on, as it was sent.
+
+        What was in force then, it is taken to have reached.
+        """
+        state = np.zeros(STATE)
+        stamp, state[RX], state[RY], state[THETA] = self.robots[-1]
+        sent = [one for one in self.sent if one.time <= stamp][-1:]
+        if sent:
+            state[[RVX, RVY]] = state[[RAMP_X, RAMP_Y]] = sent[0].ux, sent[0].uy
+        sent += [one for one in self.sent if stamp < one.time < time]
+        ends = [one.time for one in sent[1:]] + [max(time, stamp)]
+        for one, end in zip(sent, ends, strict=False):
+            drive(state, one.ux, one.uy, one.turn, (end - max(one.time, stamp)) * 1e-9, base)
+        return state
 
     def object_seen(self, object: ObjectState, base: Array, contour: Array, response: Array) -> None:
         """Take a position of the object, and the robot's of that time."""

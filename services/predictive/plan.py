@@ -39,9 +39,10 @@ STEP, COARSE, FINE = 0.05, 0.1, 2.0
 """s between the steps of a rollout, at first and later; s that they are fine for."""
 SHOWN = 4
 """Every so-many-th step is in a PushPlan."""
-AHEAD, BIAS_OF, SPEED_OF, SIDE_OF, BODY_OF, STAND_OF, LEAN_OF, CANDIDATE = range(8)
+AHEAD, BIAS_OF, SPEED_OF, SIDE_OF, BODY_OF, STAND_OF, LEAN_OF, AFTER, AFTER_STAND, AFTER_LEAN, CANDIDATE = range(11)
 """Places in a candidate: m along the path to its target, rad, share of the full speed, way around; s to push at a
-place of the body first, its bearing, rad, object's frame, and the push's direction from the centre's, rad."""
+place of the body first, its bearing, rad, object's frame, and the push's direction from the centre's, rad; the same of
+a second such push."""
 
 HORIZON, SPEED_FULL, APPROACH, SLOWEST, MARGIN, PRECISION, SPEED_WALK, SETTINGS = range(8)
 """Places in the settings: s; m/s; m/s^2 of the approach to the goal; m/s; m kept from the edge; m; m/s around
@@ -72,10 +73,23 @@ def candidates() -> Array:
         for side in (-1.0, 1.0):
             rows.append((ahead, 0.0, 1.0, side))
             rows.append((ahead, 0.5 * side, 1.0, side))
-    rows = [(*row, 0.0, 0.0, 0.0) for row in rows]
+    rows = [(*row, *[0.0] * 6) for row in rows]
     for stand in np.arange(12) * math.pi / 6:
-        rows += [(0.3, 0.0, 0.7, 0.0, _BODY, float(stand), lean) for lean in (-0.5, 0.0, 0.5)]
+        rows += [(0.3, 0.0, 0.7, 0.0, _BODY, float(stand), lean, *[0.0] * 3) for lean in (-0.5, 0.0, 0.5)]
     return np.array(rows)
+
+
+def pairs(count: int, generator: np.random.Generator) -> Array:
+    """Return `count` candidates, (count, CANDIDATE), of two pushes at places of the body, drawn evenly.
+
+    Wheels are turned with the first, so that the second is along them: no single push does that.
+    """
+    rows = np.zeros((count, CANDIDATE))
+    rows[:, [AHEAD, SPEED_OF]] = 0.3, 0.7
+    rows[:, [STAND_OF, AFTER_STAND]] = generator.uniform(-math.pi, math.pi, (count, 2))
+    rows[:, [LEAN_OF, AFTER_LEAN]] = generator.uniform(-0.6, 0.6, (count, 2))
+    rows[:, [BODY_OF, AFTER]] = generator.uniform(0.5, 2.0, (count, 2))
+    return rows
 
 
 @njit("i8(f8[:,::1],i8,f8,f8)", cache=True)
@@ -136,6 +150,24 @@ def _danger(depth: float, own: float, needed: float, walking: float) -> float:
     return rate
 
 
+@njit("f8(f8[::1],f8[::1],f8,f8,f8[::1])", cache=True)
+def _rest(state: Array, manoeuvre: Array, left: float, reach: float, settings: Array) -> float:
+    """Return the s that it takes from `state` on, as if the object obeyed: to walk behind it, and to push it `left` m.
+
+    Args:
+        reach: m, mean distance of the centres in touch.
+    """
+    bearing = math.atan2(state[RY] - state[Y], state[RX] - state[X])
+    behind = math.atan2(state[Y] - manoeuvre[TARGET_Y], state[X] - manoeuvre[TARGET_X])
+    far = math.hypot(state[RX] - state[X], state[RY] - state[Y]) - reach
+    walk = (abs(wrapped(bearing - behind)) * reach + max(far, 0.0)) / settings[SPEED_WALK]
+    time = walk + left / (_PROGRESS * settings[SPEED_FULL])
+    # Who stands still at the end has run into the corridor's edge: that is no place to wait.
+    if state[RVX] * state[RVX] + state[RVY] * state[RVY] < _STILL * _STILL:
+        time += _BLOCKED
+    return time
+
+
 @njit(
     "f8(f8[::1],f8,f8[::1],f8[::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1],f8,i8,f8[:,::1],f8,f8,f8,f8[:,::1])",
     cache=True,
@@ -150,20 +182,23 @@ def rollout(
     manoeuvre = np.empty(MANOEUVRE)
     steps = int(FINE / STEP) + int((_LONGEST - FINE) / COARSE)
     last = len(path) - 1
-    cost, left, error = 0.0, 0.0, 0.0
-    depth, needed = 0.0, 0.0
+    cost, left, depth, needed = 0.0, 0.0, 0.0, 0.0
     pushed = 0.0
+    enough = max(_PUSHED, candidate[BODY_OF] + candidate[AFTER] + 1.0)
     reach = contour.mean()
     time, dt = 0.0, STEP
     for k in range(steps):
         # Who walks first is judged by pushing as well: else the best push would be one that is never begun.
-        if time > settings[HORIZON] - 1e-6 and pushed > _PUSHED - 1e-6:
+        if time > settings[HORIZON] - 1e-6 and pushed > enough - 1e-6:
             break
         dt = STEP if time < FINE - 1e-6 else COARSE
         index = advance(path, index, state[X], state[Y])
         manoeuvre_of(path, spacing, index, state, candidate, settings, manoeuvre)
         if manoeuvre[BODY] == 1.0 and pushed >= candidate[BODY_OF]:
-            manoeuvre[BODY] = 0.0
+            if pushed < candidate[BODY_OF] + candidate[AFTER]:
+                manoeuvre[STAND], manoeuvre[LEAN] = candidate[AFTER_STAND], candidate[AFTER_LEAN]
+            else:
+                manoeuvre[BODY] = 0.0
         ux, uy, walking = wish(state, contour, manoeuvre, walking)
         if walking == 0.0:
             pushed += dt
@@ -185,18 +220,8 @@ def rollout(
         needed = min(reach + _ROOM, 0.75 * max(width[index], 0.0))
         cost += dt * (1.0 + _danger(depth, own, needed, walking))
     if left > 0.0:
-        bearing = math.atan2(state[RY] - state[Y], state[RX] - state[X])
-        behind = math.atan2(state[Y] - manoeuvre[TARGET_Y], state[X] - manoeuvre[TARGET_X])
-        error = abs(wrapped(bearing - behind))
-        # Who stands still at the end has run into the corridor's edge: that is no place to wait.
-        if state[RVX] * state[RVX] + state[RVY] * state[RVY] < _STILL * _STILL:
-            cost += _BLOCKED
-        # What is left is time as well: to walk to behind the object, and to push it.
-        far = math.hypot(state[RX] - state[X], state[RY] - state[Y]) - reach
-        walk = (error * reach + max(far, 0.0)) / settings[SPEED_WALK]
-        cost += walk + left / (_PROGRESS * settings[SPEED_FULL])
         # Near the edge the robot cannot stand where it would have to.
-        cost += _SHORT * max(0.0, needed - depth)
+        cost += _rest(state, manoeuvre, left, reach, settings) + _SHORT * max(0.0, needed - depth)
     return cost
 
 

@@ -24,6 +24,7 @@ _WHEELS = 0.8
 _COMMITTED = 6.0
 _DISAPPOINTED = 5.0
 _BEGUN = 1.2
+_PAIRS = 24
 _CANDIDATES = plan.candidates()
 
 
@@ -33,7 +34,8 @@ class PlannerState:
 
     Attributes:
         track: where robot and object are.
-        favourite: number of the candidate in force; -1 for none.
+        favourite: the candidate in force, (CANDIDATE,); empty for none.
+        generator: draws candidates.
         walking: 1 while the robot walks around the object.
         chosen: when the favourite was chosen, ns.
         promised: its cost then, s.
@@ -42,7 +44,8 @@ class PlannerState:
     """
 
     track: Track = field(default_factory=Track)
-    favourite: int = -1
+    favourite: list[float] = field(default_factory=list)
+    generator: np.random.Generator = field(default_factory=lambda: np.random.Generator(np.random.PCG64(1)))
     walking: float = 0.0
     chosen: int = 0
     promised: float = 0.0
@@ -83,8 +86,8 @@ def choose(
     if state.walking == 1.0:
         state.walked = now
     begun = state.chosen < state.walked and now - state.walked < nanoseconds(_BEGUN)
-    held = state.favourite >= 0 and begun and now - state.chosen < nanoseconds(_COMMITTED)
-    row = _CANDIDATES[state.favourite]
+    held = bool(state.favourite) and begun and now - state.chosen < nanoseconds(_COMMITTED)
+    row = np.array(state.favourite or _CANDIDATES[0])
     trace = np.zeros((int(config.horizon / plan.STEP) + 1, 4))
     own = np.inf
     if held:
@@ -94,13 +97,15 @@ def choose(
         )  # fmt: skip
         held = own < state.promised + _DISAPPOINTED
     if not held:
+        rows = np.concatenate([_CANDIDATES, plan.pairs(_PAIRS, state.generator), row[None]])
+        favourite = len(rows) - 1 if state.favourite else -1
         best, _ = plan.choose(
-            start, state.walking, _CANDIDATES, base, contour, response, settings,
-            lane.path, lane.width, SPACING, index, *where, state.favourite,
+            start, state.walking, rows, base, contour, response, settings,
+            lane.path, lane.width, SPACING, index, *where, favourite,
         )  # fmt: skip
-        if int(best) != state.favourite:
-            state.favourite, state.chosen = int(best), now
-        row = _CANDIDATES[state.favourite]
+        if int(best) != favourite:
+            row = rows[int(best)]
+            state.favourite, state.chosen = row.tolist(), now
         trace[:] = 0.0
         own = plan.rollout(
             start, state.walking, row, base, contour, response, settings,

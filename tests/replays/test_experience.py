@@ -173,7 +173,10 @@ def changed(key: str, value: object) -> Callable[[dict[str, Any]], None]:
         (changed("spread", [1e-4] * (SPREAD + 1)), "a.json: learner.known.spread: expected `array` of length <= 300"),
         (changed("response", ["x"] * 7), "a.json: learner.known.response[0]: expected `float`, got `str`"),
         (changed("contour", [math.nan] * 24), "finite"),
-        (changed("contour", [-0.25] * 12 + [0.35] * 12), "a.json: learner.known: the contour goes from -0.250 to 0.350 m"),
+        (
+            changed("contour", [-0.25] * 12 + [0.35] * 12),
+            "a.json: learner.known: the contour goes from -0.250 to 0.350 m",
+        ),
         (changed("spread", [-1.0] + [0.0] * 299), "it is no covariance"),
         (changed("response", [0.0] * 7), "response is to have length, friction and coasting above 0"),
         (changed("diameter", -0.3), "a.json: learner.known.diameter: expected `float` > 0"),

@@ -2,18 +2,21 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import vonmises
 
+from runtime.messages import Pose2, RobotPose, Twist2, VelocityCommand
 from services.controller import centroid, dipole, push_law
 from services.controller.activation import PRIOR_KAPPA, PRIOR_MU, activations
 from services.controller.barrier import guard
 from services.controller.heading import HeadingState, turn
 from services.controller.push_law import Behaviour, Gains, non_adaptive, reference
 from services.geometry.angles import DegenerateDirection
-from services.geometry.field import Field
+from services.geometry.corridor import CorridorGeometry
 from services.learner.von_mises import estimate, prior
+from services.predictive.estimate import Track
+from services.predictive.situation import Lane
 
 angle = st.floats(-math.pi, math.pi)
 ORIGIN = np.zeros(2)
@@ -134,27 +137,59 @@ def test_heading_forgets_a_stale_error() -> None:
 
 
 PATH = np.column_stack([np.arange(0, 6.01, 0.05), np.zeros(121)])
-FIELD = Field.build(PATH, np.full(121, 0.5))
+BASE = np.array([0.4, 0.1, 0.23])
+TICK = 50_000_000
 
 
-@given(st.floats(1, 5), st.floats(0.1, 0.6), st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
-def test_barrier_in_a_straight_corridor(x: float, y: float, ux: float, uy: float) -> None:
-    u, limited = guard(FIELD, np.array((x, y)), np.array((ux, uy)), 2.0, 0.02)
-    allowed = max(2.0 * (0.5 - y - 0.02), -math.hypot(ux, uy))
-    assert u == pytest.approx((ux, min(uy, allowed)), abs=1e-6)
-    assert limited == (uy > allowed) or abs(uy - allowed) < 1e-9
+def straight(half_width: float) -> tuple[CorridorGeometry, Lane]:
+    """A straight pushing corridor of this half width, and its lane."""
+    corridor = CorridorGeometry.of(PATH, 0, np.full(len(PATH), half_width + 0.23), 0.46, 0.3)
+    return corridor, Lane.of(corridor)
 
 
-def test_barrier_keeps_a_robot_inside_that_drives_at_the_edge() -> None:
-    r = np.array((1.0, 0.1))
-    for _ in range(400):
-        u, _ = guard(FIELD, r, np.array((0.05, 0.3)), 2.0, 0.02)
-        r = r + 0.05 * u
-    assert FIELD.value(*r) == pytest.approx(0.02, abs=2e-3)
+def tracked(x: float, y: float, ux: float = 0.0, uy: float = 0.0) -> Track:
+    """A robot seen at (x, y) at 1 s, that was sent (ux, uy) before."""
+    track = Track()
+    track.robot_seen(RobotPose(stamp=20 * TICK, pose=Pose2(x=x, y=y)))
+    track.commanded(VelocityCommand(stamp=19 * TICK, twist=Twist2(vx=ux, vy=uy)), 0.0)
+    return track
 
 
-def test_barrier_lets_a_robot_through_where_there_is_less_than_the_margin() -> None:
-    field = Field.build(PATH, np.full(121, 0.03))
-    r, u = np.array((2.0, 0.012)), np.array((0.3, 0.0))
-    assert guard(field, r, u, 2.0, 0.05, room=0.03)[0] == pytest.approx((0.3, 0.0), abs=1e-2)
-    assert guard(field, r, u, 2.0, 0.05)[0] == pytest.approx((0.3, -0.064), abs=1e-2)
+def test_the_barrier_changes_nothing_in_the_middle() -> None:
+    wish = np.array((0.1, 0.3))
+    found, limited = guard(*straight(0.5), tracked(2.0, 0.05, 0.1, 0.3), wish, 21 * TICK, BASE, 0.02)
+    assert (found.tolist(), limited) == (wish.tolist(), False)
+
+
+def test_the_barrier_stops_what_leads_out_and_leaves_what_leads_along() -> None:
+    found, limited = guard(*straight(0.5), tracked(2.0, 0.478), np.array((0.2, 0.3)), 21 * TICK, BASE, 0.02)
+    assert found == pytest.approx((0.2, 0.0), abs=0.02)
+    assert limited
+
+
+@settings(max_examples=20)
+@given(st.lists(st.tuples(st.floats(-0.1, 0.3), st.floats(-0.3, 0.3)), min_size=3, max_size=6))
+def test_a_base_seen_late_stays_inside_whatever_its_controller_wishes(wishes: list[tuple[float, float]]) -> None:
+    corridor, lane = straight(0.5)
+    track = Track()
+    # A base by itself: it ramps with 0.4 m/s^2 to what it was sent, and lags 0.1 s behind that; 1 ms steps.
+    place, ramp, speed = np.array((1.0, 0.2)), np.zeros(2), np.zeros(2)
+    past: list[np.ndarray] = []
+    for tick in range(20 * len(wishes)):
+        past.append(place.copy())
+        late = max(tick - 2, 0)  # 0.1 s
+        track.robot_seen(RobotPose(stamp=(late + 20) * TICK, pose=Pose2(x=past[late][0], y=past[late][1])))
+        now = (tick + 20) * TICK
+        u, _ = guard(corridor, lane, track, np.array(wishes[tick // 20]), now, BASE, 0.02)
+        track.commanded(VelocityCommand(stamp=now, twist=Twist2(vx=u[0], vy=u[1])), 0.0)
+        for _ in range(50):
+            change = u - ramp
+            ramp = ramp + change * min(1.0, 0.4e-3 / max(math.hypot(*change), 1e-12))
+            speed = speed + (ramp - speed) * 1e-3 / 0.1
+            place = place + 1e-3 * speed
+            assert abs(place[1]) < 0.5
+
+
+def test_the_barrier_lets_a_robot_through_where_there_is_less_than_the_margin() -> None:
+    found, _ = guard(*straight(0.03), tracked(2.0, 0.012), np.array((0.3, 0.0)), 21 * TICK, BASE, 0.05)
+    assert found == pytest.approx((0.3, 0.0), abs=2e-2)
