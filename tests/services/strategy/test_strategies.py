@@ -53,15 +53,16 @@ def nearest(o: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def edge_tangent(o: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """w and the direction of l, from the contour polylines of E_o."""
-    best, w, tangent = math.inf, o, o
+    """w, from the contour polylines of E_o, and the direction of l, from differences of the exact depth."""
+    best, w = math.inf, o
     for line in S.edge_object():
         d = np.hypot(*(line - o).T)
         k = int(np.argmin(d))
         if d[k] < best:
             best, w = float(d[k]), line[k]
-            # The contour's points are as near as a millimetre; a chord over a few of them is the tangent.
-            tangent = line[(k + 3) % (len(line) - 1)] - line[k - 3 if k >= 3 else k - 4]
+    x, y = np.array((1e-3, 0.0)), np.array((0.0, 1e-3))
+    right, left, up, down = exact_depth(np.array([o + x, o - x, o + y, o - y]))
+    tangent = np.array((down - up, right - left))
     return w, tangent / np.hypot(*tangent)
 
 
