@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 def command(
     state: Array, plan: PushPlan, walking: float, corridor: CorridorGeometry, lane: Lane, base: Array, contour: Array
 ) -> tuple[Array, float, float]:
-    """Return the velocity to send, (2,), m/s, map frame, rad/s, and whether the robot walks around the object (1.0).
+    """Return what to send: velocity, (2,), m/s, map frame, and turn, rad/s; and whether the robot walks around (1.0).
 
     Args:
         state: where robot and object will be when the command takes effect.

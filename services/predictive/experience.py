@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.predictive.fit import STEP, carried, median_error, search
-from services.predictive.known import Known, prior_spread
+from services.predictive.known import Known, observed, prior_spread
 from services.predictive.model import CONTOUR, RESPONSE, basis, prior_contour, prior_response, radius
 
 Array = NDArray[np.float64]
@@ -137,12 +137,8 @@ class Experience:
 
     def _reaches(self, bearing: float, distance: float, noise: float) -> None:
         """Take the contour to be `distance`, m, away at `bearing`, to within `noise`, m, by recursive least squares."""
-        row = basis(np.array([bearing]))[0][0]
-        spread = self.spread @ row
-        gain = spread / (float(row @ spread) + noise**2)
-        self.contour = self.contour + gain * (distance - float(row @ self.contour))
-        self.spread = self.spread - np.outer(gain, spread)
-        self.spread = 0.5 * (self.spread + self.spread.T)
+        share, _ = basis(np.array([bearing]))
+        self.contour, self.spread = observed(self.contour, self.spread, share[0], distance, noise)
 
     def _window(self, base: Array) -> None:
         """Keep the newest rows as a window if the object was near the robot, or moved."""

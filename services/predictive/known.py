@@ -117,12 +117,20 @@ def plausible(contour: Array, spread: Array, robot_diameter: float, object_diame
         return contour, spread
     contour, spread = prior_contour(robot_diameter, object_diameter), prior_spread(object_diameter)
     for row, distance in zip(rows[possible], reach[possible], strict=True):
-        column = spread @ row
-        gain = column / (float(row @ column) + _SURE**2)
-        contour = contour + gain * (distance - float(row @ contour))
-        spread = spread - np.outer(gain, column)
-        spread = 0.5 * (spread + spread.T)
+        contour, spread = observed(contour, spread, row, distance, _SURE)
     return contour, spread
+
+
+def observed(contour: Array, spread: Array, row: Array, distance: float, noise: float) -> tuple[Array, Array]:
+    """Return contour and covariance after `row` @ contour was seen to be `distance`, m, to within `noise`, m.
+
+    One step of recursive least squares.
+    """
+    column = spread @ row
+    gain = column / (float(row @ column) + noise**2)
+    contour = contour + gain * (distance - float(row @ contour))
+    spread = spread - np.outer(gain, column)
+    return contour, 0.5 * (spread + spread.T)
 
 
 def triangle(spread: Array) -> list[float]:

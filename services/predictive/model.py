@@ -72,13 +72,19 @@ def radius(contour: Array, bearing: float) -> tuple[float, float]:
     return rho / 6.0, _PER_RADIAN * slope
 
 
+@njit("UniTuple(f8[:,::1],2)(f8[::1])", cache=True)
 def basis(bearings: Array) -> tuple[Array, Array]:
     """Return what each coefficient counts for in rho and its derivative at `bearings`, (N,): two (N, CONTOUR).
 
     The first has rows of sum 1, the second of sum 0.
     """
-    found = np.array([[radius(one, float(bearing)) for one in np.eye(CONTOUR)] for bearing in bearings])
-    return np.ascontiguousarray(found[..., 0]), np.ascontiguousarray(found[..., 1])
+    share, change = np.empty((len(bearings), CONTOUR)), np.empty((len(bearings), CONTOUR))
+    for k in range(CONTOUR):
+        alone = np.zeros(CONTOUR)
+        alone[k] = 1.0
+        for i in range(len(bearings)):
+            share[i, k], change[i, k] = radius(alone, bearings[i])
+    return share, change
 
 
 @njit("void(f8[::1],f8,f8,f8,f8,f8[::1])", cache=True)

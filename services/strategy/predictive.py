@@ -88,14 +88,18 @@ def choose(
     begun = state.chosen < state.walked and now - state.walked < nanoseconds(_BEGUN)
     held = bool(state.favourite) and begun and now - state.chosen < nanoseconds(_COMMITTED)
     row = np.array(state.favourite or _CANDIDATES[0])
-    trace = np.zeros((int(config.horizon / plan.STEP) + 1, 4))
-    own = np.inf
-    if held:
-        own = plan.rollout(
+
+    def rolled(row: Array) -> tuple[float, Array]:
+        trace = np.zeros((int(config.horizon / plan.STEP) + 1, 4))
+        cost = plan.rollout(
             start, state.walking, row, base, contour, response, settings,
             lane.path, lane.width, SPACING, index, *where, trace,
         )  # fmt: skip
-        held = own < state.promised + _DISAPPOINTED
+        return cost, trace
+
+    if held:
+        cost, trace = rolled(row)
+        held = cost < state.promised + _DISAPPOINTED
     if not held:
         rows = np.concatenate([_CANDIDATES, plan.pairs(_PAIRS, state.generator), row[None]])
         favourite = len(rows) - 1 if state.favourite else -1
@@ -106,13 +110,9 @@ def choose(
         if int(best) != favourite:
             row = rows[int(best)]
             state.favourite, state.chosen = row.tolist(), now
-        trace[:] = 0.0
-        own = plan.rollout(
-            start, state.walking, row, base, contour, response, settings,
-            lane.path, lane.width, SPACING, index, *where, trace,
-        )  # fmt: skip
+        cost, trace = rolled(row)
         if state.chosen == now:
-            state.promised = own
+            state.promised = cost
     manoeuvre = np.empty(MANOEUVRE)
     plan.manoeuvre_of(lane.path, SPACING, index, start, row, settings, manoeuvre)
     shown = trace[(trace != 0.0).any(axis=1)][:: plan.SHOWN]
@@ -124,7 +124,7 @@ def choose(
         body=row[plan.BODY_OF],
         stand=row[plan.STAND_OF],
         lean=row[plan.LEAN_OF],
-        cost=own,
+        cost=cost,
         object_path=polyline(shown[:, :2]),
         robot_path=polyline(shown[:, 2:]),
         speed_full=speed,

@@ -16,6 +16,7 @@ from services.geometry.angles import DegenerateDirection
 from services.geometry.corridor import CorridorGeometry
 from services.learner.von_mises import estimate, prior
 from services.predictive.estimate import Track
+from services.predictive.model import RAMP_Y, RX, RY
 from services.predictive.situation import Lane
 
 angle = st.floats(-math.pi, math.pi)
@@ -165,6 +166,17 @@ def test_the_barrier_stops_what_leads_out_and_leaves_what_leads_along() -> None:
     found, limited = guard(*straight(0.5), tracked(2.0, 0.478), np.array((0.2, 0.3)), 21 * TICK, BASE, 0.02)
     assert found == pytest.approx((0.2, 0.0), abs=0.02)
     assert limited
+
+
+def test_a_robot_seen_late_is_carried_on_with_what_it_was_sent() -> None:
+    track = tracked(1.0, 0.5, 0.2, -0.1)
+    found = track.robot_at_present(22 * TICK, BASE)
+    assert found[[RX, RY]] == pytest.approx((1.0 + 0.2 * 0.1, 0.5 - 0.1 * 0.1))  # it goes on as it went
+    track.commanded(VelocityCommand(stamp=21 * TICK, twist=Twist2(vx=0.2, vy=0.3)), 0.0)
+    found = track.robot_at_present(23 * TICK, BASE)
+    assert found[RAMP_Y] == pytest.approx(-0.1 + 0.4 * 0.1)  # the ramp, for the 0.1 s since the new command
+    nowhere = Track(robots=[(TICK, 3.0, 4.0, 0.0)])
+    assert nowhere.robot_at_present(3 * TICK, BASE)[[RX, RY]].tolist() == [3.0, 4.0]
 
 
 @settings(max_examples=20)
