@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -51,6 +52,10 @@ def sim(
     precision: Annotated[
         float | None, typer.Option(metavar="M", help="Delivered within this distance.", show_default="0.1")
     ] = None,
+    yaw: Annotated[
+        float | None,
+        typer.Option(metavar="DEGREES", help="Delivered turned so, on the map; predictive only.", show_default="any"),
+    ] = None,
     time_limit: Annotated[
         float | None, typer.Option(metavar="S", help="Give up after this time.", show_default="400")
     ] = None,
@@ -95,6 +100,7 @@ def sim(
         "--strategy": ("strategy", strategy),
         "--controller": ("controller", controller),
         "--precision": ("precision", precision),
+        "--yaw": ("yaw", None if yaw is None else math.radians(yaw)),
         "--time-limit": ("time_limit", time_limit),
         "--seed": ("seed", seed),
     }

@@ -14,6 +14,7 @@ from runtime import topics
 from runtime.local import PushResult
 from runtime.messages import Corridor, FailureCause, PushOutcome, Truth
 from runtime.sample import Sample
+from services.geometry.angles import difference
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry
 
@@ -24,13 +25,15 @@ class Score:
 
     Attributes:
         success: the true distance to the goal is within the precision, in time, and neither centre ever left the
-            pushing corridor by more than `TOLERANCE`.
+            pushing corridor by more than `TOLERANCE`; where an orientation is asked for, the true one is within its
+            precision.
         cause: of a failure, in words; empty for a success.
         distance: m, true, at the end.
         robot_length, object_length: L_Qr and L_Qo, m, true.
         time: s, from goal to end.
         robot_depth, object_depth: m, least depth of the true centres in the pushing corridor.
         hits: ticks in which robot or object touched walls or furniture.
+        turned: rad, true, of the object's orientation from the wanted one at the end; None if none was wanted.
     """
 
     success: bool
@@ -42,6 +45,7 @@ class Score:
     robot_depth: float
     object_depth: float
     hits: int
+    turned: float | None = None
 
 
 TOLERANCE = 0.0
@@ -56,6 +60,7 @@ class Judge:
         self._robot: list[tuple[float, float]] = []
         self._object: list[tuple[float, float]] = []
         self._depth = (math.inf, math.inf)
+        self._yaw = 0.0
         self._hits = 0
         self._active = True
 
@@ -82,6 +87,12 @@ class Judge:
             cause = FailureCause.Name(status.cause).lower().replace("_", " ")
         elif distance > precision:
             cause = "not within precision"
+        turned = None
+        if session.goal.HasField("yaw"):
+            task = session.effective.sections["task"]
+            turned = abs(difference(self._yaw, session.goal.yaw))
+            if not cause and turned > (session.goal.yaw_precision or task.yaw_precision):  # type: ignore[attr-defined]
+                cause = "not turned"
         return Score(
             success=not cause,
             cause=cause,
@@ -92,11 +103,13 @@ class Judge:
             robot_depth=robot_depth,
             object_depth=object_depth,
             hits=self._hits,
+            turned=turned,
         )
 
     def _follow(self, truth: Truth, corridor: CorridorGeometry) -> None:
         self._robot.append((truth.robot.x, truth.robot.y))
         self._object.append((truth.object.x, truth.object.y))
+        self._yaw = truth.object.theta
         self._depth = (
             min(self._depth[0], corridor.field.value(truth.robot.x, truth.robot.y)),
             min(self._depth[1], corridor.field.value(truth.object.x, truth.object.y)),

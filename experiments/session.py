@@ -46,6 +46,11 @@ class SimConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     goal: Annotated[
         tuple[float, float] | None, Meta(description="m, where the object is to go; absent: the scene's own")
     ] = None
+    yaw: (
+        Annotated[float, Meta(ge=-6.3, le=6.3, description="rad, the object's orientation at the goal; absent: any")]
+        | None
+    ) = None
+    yaw_precision: Annotated[float, Meta(ge=0, le=3.15, description="rad, of yaw; 0: as [task] says")] = 0.0
     strategy: Annotated[str, Meta(description="empty: as [task] says")] = ""
     controller: Annotated[str, Meta(description="empty: as [task] says")] = ""
     precision: Annotated[float, Meta(ge=0, le=5, description="m; 0: as [task] says")] = 0.0
@@ -131,6 +136,8 @@ def prepare(layers: Sequence[Layer]) -> Session:
     goal = PushGoal(
         position=Vector2(x=x, y=y),
         precision=found.precision,
+        yaw=found.yaw,
+        yaw_precision=found.yaw_precision,
         strategy=found.strategy,
         controller=found.controller,
         time_limit=found.time_limit,

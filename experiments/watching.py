@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 import threading
 import time
@@ -95,6 +96,7 @@ def summary(session: Session, result: PushResult, took: float, record: Path | No
         "controller": session.goal.controller or session.effective.sections["task"].controller,  # type: ignore[attr-defined]
         "seed": session.sim.seed,
         "distance_left": round(status.distance_left, 4),
+        **({"yaw_left": round(status.yaw_left, 4)} if status.HasField("yaw_left") else {}),
         "elapsed": round(status.elapsed, 3),
         "robot_path_length": round(status.robot_path_length, 3),
         "object_path_length": round(status.object_path_length, 3),
@@ -109,9 +111,10 @@ def summary(session: Session, result: PushResult, took: float, record: Path | No
 def _sentence(facts: dict[str, object]) -> str:
     reason = f" ({facts['reason']})" if facts["reason"] else ""
     kept = f"; recorded to {facts['file']}" if facts["file"] else ""
+    turned = f" and {math.degrees(float(str(facts['yaw_left']))):.0f} degrees" if "yaw_left" in facts else ""
     return (
         f"{str(facts['outcome']).upper()}{reason}: {facts['object']} in {facts['scene']}, {facts['strategy']}, "
-        f"{facts['controller']}, seed {facts['seed']}: {facts['distance_left']:.3f} m left after "
+        f"{facts['controller']}, seed {facts['seed']}: {facts['distance_left']:.3f} m{turned} left after "
         f"{facts['elapsed']:.1f} s, robot path {facts['robot_path_length']:.2f} m, "
         f"object path {facts['object_path_length']:.2f} m; "
         f"{facts['times_real_time']} times real time, {facts['messages']} messages{kept}"

@@ -35,13 +35,18 @@ OPEN_LIMIT = 300.0
 """s, as in Pushing in the Dark."""
 _AROUND = GOALS * len(FRICTIONS) * len(OPEN_OBJECTS)
 
+YAWS = 8
+"""orientations at the goal, at equal angles"""
+YAW_PRECISION = math.radians(15.0)
+"""rad"""
+
 
 @dataclass(frozen=True)
 class Case:
     """A kind of push.
 
     Attributes:
-        experiment: best, open or robustness.
+        experiment: best, open, orientation or robustness.
         name: in words; cases of one name are one group of the tables.
         pushes: scene and object of trial i modulo their number.
         settings: configuration that makes the case, section by section.
@@ -174,6 +179,23 @@ def goal_of(name: str) -> tuple[float, int]:
     return float(found[1]), int(found[2])
 
 
+def turned() -> list[Case]:
+    """Return the cases of goals with an orientation: corridors, and the open floor, with every household object.
+
+    Seven objects and eight orientations share no divisor: 56 trials a scene have every pair once.
+    """
+    return [
+        Case("orientation", yaw_name(degrees), _each((place,), HOUSEHOLD), _wanted(degrees), k, YAWS)
+        for place in (*CORRIDORS, "open")
+        for k, degrees in enumerate(range(0, 360, 360 // YAWS))
+    ]
+
+
+def yaw_name(degrees: int) -> str:
+    """Return the name of a case of `turned`."""
+    return f"turned to {degrees} deg"
+
+
 def sweep(wanted: Sequence[str] = ()) -> list[Case]:
     """Return the cases of the parameters called `wanted`, or of all, in the order of PARAMETERS.
 
@@ -230,9 +252,14 @@ def folder_of(one: Task) -> str:
     """Return the folder for recordings of the case that `one` is a trial of."""
     # In the sweep a case goes over the scenes; in the others each scene has its own.
     words = [one.case, one.method] if one.experiment == "robustness" else [one.scene, one.object, one.case, one.method]
-    if one.experiment == "best":
+    if one.experiment in ("best", "orientation"):
         words.remove(one.object)
     return re.sub(r"[^a-z0-9.]+", "-", "-".join([one.experiment, *words]).lower())
+
+
+def _wanted(degrees: int) -> dict[str, dict[str, Any]]:
+    yaw = math.remainder(math.radians(degrees), math.tau)
+    return {"sim": {"yaw": round(yaw, 6), "yaw_precision": round(YAW_PRECISION, 6)}}
 
 
 def _each(places: Sequence[str], things: Sequence[str]) -> tuple[tuple[str, str], ...]:

@@ -1,4 +1,4 @@
-"""`pushlane experiment best|open|robustness`: what the predictive method is held to, past the paper's experiments."""
+"""`pushlane experiment best|open|orientation|robustness`: what the predictive method is held to, past the paper."""
 
 from __future__ import annotations
 
@@ -52,6 +52,11 @@ def register(experiment: typer.Typer) -> None:
         f"Dark.\n\n{_KEPT}",
     )(around)
     experiment.command(
+        name="orientation",
+        help="Goals with an orientation of the object, within 15 degrees: 8 orientations, 7 objects, Corridors 1 to 3 "
+        f"and the open floor.\n\n{_KEPT}",
+    )(orientation)
+    experiment.command(
         name="robustness",
         help=f"Success over noise, latency, speed, size, mass and friction, one at a time.\n\n{_KEPT}",
     )(robustness)
@@ -90,6 +95,23 @@ def around(
     from experiments.beyond import cases
 
     _carry_out(cases.around(), trials, jobs, seed, output, method, failures, plots, config, assignments)
+
+
+def orientation(
+    trials: Trials = 7,
+    jobs: Jobs = 2,
+    seed: Seed = 1,
+    output: Output = Path("out/orientation"),
+    method: Method = "predictive",
+    failures: Failures = 3,
+    plots: Plots = True,
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+) -> None:
+    """Run the goals with an orientation."""
+    from experiments.beyond import cases
+
+    _carry_out(cases.turned(), trials, jobs, seed, output, method, failures, plots, config, assignments)
 
 
 def robustness(

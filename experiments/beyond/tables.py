@@ -142,6 +142,35 @@ def around(outcomes: Sequence[Outcome]) -> list[Table]:
     ]
 
 
+def orientation(outcomes: Sequence[Outcome]) -> list[Table]:
+    """Return the tables of `pushlane experiment orientation`."""
+    ours = [one for one in outcomes if one.experiment == "orientation"]
+    things, places, yaws = [], [], []
+    for method in methods(ours):
+        mine = [one for one in ours if one.method == method]
+        for name, some in (
+            *((thing, _of(mine, thing)) for thing in HOUSEHOLD),
+            ("no wheels", [one for one in mine if not has_wheels(one.object)]),
+            ("wheels", [one for one in mine if has_wheels(one.object)]),
+            ("all", mine),
+        ):
+            if some:
+                things.append((method, name, *_row(some)))
+        scenes = sorted({one.scene for one in mine})
+        places += [(method, place, *_row([one for one in mine if one.scene == place])) for place in scenes]
+        goals = sorted({one.case for one in mine}, key=lambda name: int(name.split()[2]))
+        yaws += [(method, case, *_row([one for one in mine if one.case == case])) for case in goals]
+    return [
+        Table(
+            "Goals with an orientation: success within 0.05 m and 15 degrees",
+            ("method", "object", *_ROW),
+            tuple(things),
+        ),
+        Table("By scene", ("method", "scene", *_ROW), tuple(places)),
+        Table("By orientation, on the map", ("method", "goal", *_ROW), tuple(yaws)),
+    ]
+
+
 def robustness(outcomes: Sequence[Outcome]) -> list[Table]:
     """Return the tables of `pushlane experiment robustness`."""
     ours = [one for one in outcomes if one.experiment == "robustness"]
@@ -160,7 +189,9 @@ def robustness(outcomes: Sequence[Outcome]) -> list[Table]:
 
 def tables(outcomes: Sequence[Outcome]) -> list[Table]:
     """Return every table that there are trials for."""
-    return [one for one in (*best(outcomes), *around(outcomes), *robustness(outcomes)) if one.rows]
+    return [
+        one for one in (*best(outcomes), *around(outcomes), *orientation(outcomes), *robustness(outcomes)) if one.rows
+    ]
 
 
 def failed(outcomes: Iterable[Outcome]) -> str:

@@ -14,6 +14,8 @@ from runtime.messages import Corridor, OccupancyGrid, PushGoal, PushTarget
 
 # Layers of the picture, m above the floor; thin enough that nothing shifts when seen from above.
 FILL, INNER_FILL, EDGE, PLAN, MARK = 0.004, 0.006, 0.010, 0.014, 0.050
+ARROW_LENGTH = 0.25
+"""m, of the arrow of a wanted orientation"""
 
 
 def draw_plan(canvas: Canvas, session: Session) -> None:
@@ -151,3 +153,15 @@ def _draw_goals(canvas: Canvas, session: Session) -> None:
         rr.Points3D.from_fields(radii=[rr.Radius.ui_points(4.0)], labels=["goal"], show_labels=True),
     )
     canvas.columns("/map/goal/centre", track.times, rr.Points3D.columns(positions=raised(g, PLAN), colors=colours))
+    wanted = [k for k, m in enumerate(track.messages) if m.HasField("yaw")]
+    if wanted:
+        yaws = np.array([track.messages[k].yaw for k in wanted])
+        ahead = ARROW_LENGTH * np.column_stack([np.cos(yaws), np.sin(yaws)])
+        canvas.fixed("/map/goal/orientation", rr.Arrows3D.from_fields(radii=[rr.Radius.ui_points(1.3)]))
+        canvas.columns(
+            "/map/goal/orientation",
+            track.times[wanted],
+            rr.Arrows3D.columns(
+                origins=raised(g[wanted], PLAN), vectors=raised(ahead, 0.0), colors=[colours[k] for k in wanted]
+            ),
+        )

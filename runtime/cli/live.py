@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 import time
@@ -92,6 +93,10 @@ def push(
     strategy: Annotated[str, typer.Option(help="How targets are chosen.", show_default="as the task says")] = "",
     controller: Annotated[str, typer.Option(help="How the base pushes.", show_default="as the task says")] = "",
     precision: Annotated[float, typer.Option(metavar="M", help="Delivered within this; 0: as the task says.")] = 0.0,
+    yaw: Annotated[
+        float | None,
+        typer.Option(metavar="DEGREES", help="Turned so, on the map; predictive only.", show_default="any"),
+    ] = None,
     time_limit: Annotated[float, typer.Option(metavar="S", help="Give up after this; 0: as the task says.")] = 0.0,
     config: ConfigFile = None,
     assignments: Assignments = None,
@@ -112,6 +117,7 @@ def push(
         strategy=strategy,
         controller=controller,
         precision=precision,
+        yaw=None if yaw is None else math.radians(yaw),
         time_limit=time_limit,
     )
     bus = bus_of(config, assignments)

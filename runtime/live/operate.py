@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 from collections.abc import Callable
 
@@ -115,8 +116,10 @@ def follow_push(
         finally:
             subscriber.undeclare()
     reason = f" ({status.reason})" if status.reason else ""
+    turned = f" and {math.degrees(status.yaw_left):.0f} degrees" if status.HasField("yaw_left") else ""
     say(
-        f"{PushOutcome.Name(status.outcome)}{reason}: {status.distance_left:.3f} m left after {status.elapsed:.1f} s, "
+        f"{PushOutcome.Name(status.outcome)}{reason}: {status.distance_left:.3f} m{turned} left "
+        f"after {status.elapsed:.1f} s, "
         f"robot path {status.robot_path_length:.2f} m, object path {status.object_path_length:.2f} m"
     )
     return status.outcome == PushOutcome.DELIVERED

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -85,7 +86,8 @@ def push_line(status: PushStatus | None, start: float) -> RenderableType:
     """Return the state of the push, with a bar of how much of the `start` m is done."""
     if status is None or status.phase == PushPhase.IDLE:
         return Text("no push; pushlane push --to X Y asks for one", "dim")
-    left = f"{status.distance_left:.2f} m left, {status.elapsed:.1f} s"
+    turned = f" and {math.degrees(status.yaw_left):.0f} degrees" if status.HasField("yaw_left") else ""
+    left = f"{status.distance_left:.2f} m{turned} left, {status.elapsed:.1f} s"
     if status.phase == PushPhase.ENDED:
         outcome = PushOutcome.Name(status.outcome).lower()
         cause = f", {FailureCause.Name(status.cause).lower().replace('_', ' ')}" if status.cause else ""

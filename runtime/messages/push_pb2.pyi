@@ -54,7 +54,7 @@ OBJECT_LOST: FailureCause
 ORBIT: FailureCause
 
 class PushGoal(_message.Message):
-    __slots__ = ("stamp", "id", "position", "precision", "strategy", "controller", "time_limit", "yaw", "active")
+    __slots__ = ("stamp", "id", "position", "precision", "strategy", "controller", "time_limit", "yaw", "active", "yaw_precision")
     STAMP_FIELD_NUMBER: _ClassVar[int]
     ID_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
@@ -64,6 +64,7 @@ class PushGoal(_message.Message):
     TIME_LIMIT_FIELD_NUMBER: _ClassVar[int]
     YAW_FIELD_NUMBER: _ClassVar[int]
     ACTIVE_FIELD_NUMBER: _ClassVar[int]
+    YAW_PRECISION_FIELD_NUMBER: _ClassVar[int]
     stamp: int
     id: int
     position: _geometry_pb2.Vector2
@@ -73,7 +74,8 @@ class PushGoal(_message.Message):
     time_limit: float
     yaw: float
     active: bool
-    def __init__(self, stamp: _Optional[int] = ..., id: _Optional[int] = ..., position: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., precision: _Optional[float] = ..., strategy: _Optional[str] = ..., controller: _Optional[str] = ..., time_limit: _Optional[float] = ..., yaw: _Optional[float] = ..., active: _Optional[bool] = ...) -> None: ...
+    yaw_precision: float
+    def __init__(self, stamp: _Optional[int] = ..., id: _Optional[int] = ..., position: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., precision: _Optional[float] = ..., strategy: _Optional[str] = ..., controller: _Optional[str] = ..., time_limit: _Optional[float] = ..., yaw: _Optional[float] = ..., active: _Optional[bool] = ..., yaw_precision: _Optional[float] = ...) -> None: ...
 
 class CancelRequest(_message.Message):
     __slots__ = ("reason",)
@@ -218,7 +220,7 @@ class PushBehaviour(_message.Message):
     def __init__(self, stamp: _Optional[int] = ..., alpha: _Optional[float] = ..., gamma: _Optional[float] = ..., mean_gamma: _Optional[float] = ..., mu: _Optional[float] = ..., kappa: _Optional[float] = ..., alpha_p: _Optional[float] = ..., sample_count: _Optional[int] = ..., reading_count: _Optional[int] = ..., moving: _Optional[bool] = ...) -> None: ...
 
 class PushStatus(_message.Message):
-    __slots__ = ("stamp", "goal_id", "phase", "distance_left", "elapsed", "robot_path_length", "object_path_length", "robot_violations", "object_violations", "outcome", "cause", "reason")
+    __slots__ = ("stamp", "goal_id", "phase", "distance_left", "elapsed", "robot_path_length", "object_path_length", "robot_violations", "object_violations", "outcome", "cause", "reason", "yaw_left")
     STAMP_FIELD_NUMBER: _ClassVar[int]
     GOAL_ID_FIELD_NUMBER: _ClassVar[int]
     PHASE_FIELD_NUMBER: _ClassVar[int]
@@ -231,6 +233,7 @@ class PushStatus(_message.Message):
     OUTCOME_FIELD_NUMBER: _ClassVar[int]
     CAUSE_FIELD_NUMBER: _ClassVar[int]
     REASON_FIELD_NUMBER: _ClassVar[int]
+    YAW_LEFT_FIELD_NUMBER: _ClassVar[int]
     stamp: int
     goal_id: int
     phase: PushPhase
@@ -243,4 +246,5 @@ class PushStatus(_message.Message):
     outcome: PushOutcome
     cause: FailureCause
     reason: str
-    def __init__(self, stamp: _Optional[int] = ..., goal_id: _Optional[int] = ..., phase: _Optional[_Union[PushPhase, str]] = ..., distance_left: _Optional[float] = ..., elapsed: _Optional[float] = ..., robot_path_length: _Optional[float] = ..., object_path_length: _Optional[float] = ..., robot_violations: _Optional[int] = ..., object_violations: _Optional[int] = ..., outcome: _Optional[_Union[PushOutcome, str]] = ..., cause: _Optional[_Union[FailureCause, str]] = ..., reason: _Optional[str] = ...) -> None: ...
+    yaw_left: float
+    def __init__(self, stamp: _Optional[int] = ..., goal_id: _Optional[int] = ..., phase: _Optional[_Union[PushPhase, str]] = ..., distance_left: _Optional[float] = ..., elapsed: _Optional[float] = ..., robot_path_length: _Optional[float] = ..., object_path_length: _Optional[float] = ..., robot_violations: _Optional[int] = ..., object_violations: _Optional[int] = ..., outcome: _Optional[_Union[PushOutcome, str]] = ..., cause: _Optional[_Union[FailureCause, str]] = ..., reason: _Optional[str] = ..., yaw_left: _Optional[float] = ...) -> None: ...

@@ -33,7 +33,7 @@ def command(
     row[[planning.BODY_OF, planning.STAND_OF, planning.LEAN_OF]] = plan.body, plan.stand, plan.lean
     index = lane.nearest(state[X], state[Y])
     manoeuvre = np.empty(MANOEUVRE)
-    planning.manoeuvre_of(lane.path, SPACING, index, state, row, settings, manoeuvre)
+    planning.manoeuvre_of(lane.path, lane.width, SPACING, index, state, row, settings, manoeuvre)
     ux, uy, walking = wish(state, contour, manoeuvre, walking)
     u = inside(*corridor.field.grid, state, ux, uy, base[ACCELERATION], kept_margin(plan.margin, lane.width[index]))
     return np.array(u), turning(state, contour), walking

@@ -29,7 +29,8 @@ _NEAR = 0.06
 _LEAD = 4
 _TRAIL = 2
 _ROWS = _LEAD + SAMPLES + _TRAIL
-_PROPOSALS = 24
+_PROPOSALS = 48
+_LOOKS = 1000
 _TOUCH_NOISE = 0.02
 _LIMIT_NOISE = 0.01
 _SLACK = 0.015
@@ -181,9 +182,11 @@ class Experience:
 
     def _think(self, base: Array) -> None:
         """Try other responses, and hold the best."""
-        draws = self.generator.standard_normal((_PROPOSALS, RESPONSE))
-        scales = 10.0 ** self.generator.uniform(-1.7, 0.3, _PROPOSALS)
-        anew = self.generator.uniform(size=_PROPOSALS) < 0.25
+        # The more windows, the longer each takes; and the less is to be found.
+        count = min(_PROPOSALS, max(1, _LOOKS // len(self.starts)))
+        draws = self.generator.standard_normal((count, RESPONSE))
+        scales = 10.0 ** self.generator.uniform(-1.7, 0.3, count)
+        anew = self.generator.uniform(size=count) < 0.25
         best = search(
             self.response, self.begun, self.trust, draws, scales, anew,
             self.robots, self.starts, self.ends, base, self.contour,

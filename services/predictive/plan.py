@@ -31,11 +31,11 @@ from services.predictive.law import (
     turning,
     wish,
 )
-from services.predictive.model import ACCELERATION, RVX, RVY, RX, RY, X, Y, step
+from services.predictive.model import ACCELERATION, RVX, RVY, RX, RY, VX, VY, YAW, X, Y, step
 
 Array = NDArray[np.float64]
 
-STEP, COARSE, FINE = 0.05, 0.1, 2.0
+STEP, COARSE, FINE = 0.05, 0.1, 1.0
 """s between the steps of a rollout, at first and later; s that they are fine for."""
 SHOWN = 4
 """Every so-many-th step is in a PushPlan."""
@@ -44,9 +44,9 @@ AHEAD, BIAS_OF, SPEED_OF, SIDE_OF, BODY_OF, STAND_OF, LEAN_OF, AFTER, AFTER_STAN
 place of the body first, its bearing, rad, object's frame, and the push's direction from the centre's, rad; the same of
 a second such push."""
 
-HORIZON, SPEED_FULL, APPROACH, SLOWEST, MARGIN, PRECISION, SPEED_WALK, SETTINGS = range(8)
+HORIZON, SPEED_FULL, APPROACH, SLOWEST, MARGIN, PRECISION, SPEED_WALK, GOAL_YAW, TURNED, SETTINGS = range(10)
 """Places in the settings: s; m/s; m/s^2 of the approach to the goal; m/s; m kept from the edge; m; m/s around
-the object."""
+the object; rad, wanted orientation; rad, to within which, pi where any will do."""
 
 _OUT = 60.0
 _NEAR_EDGE = 40.0
@@ -58,15 +58,22 @@ _CHANGE = 0.1
 _BLOCKED = 10.0
 _CAREFUL = 0.2
 _RISK = 15.0
-_PUSHED = 2.5
+_PUSHED = 4.0
 _LONGEST = 12.0
 _ASIDE = 1.5
 _SHORT = 30.0
+_GAINED = 0.7
+_ASKEW = 2.0
+_TURN_FROM = 0.8
+_AT_REST = 0.05
+_LOOK = 0.4
+_WIDE = 0.4
+_SLOW = 0.5
 
 
 def candidates() -> Array:
     """Return the candidates, (N, CANDIDATE)."""
-    rows: list[tuple[float, ...]] = []
+    rows: list[tuple[float, ...]] = [(0.1, 0.0, 0.0, 0.0)]  # wait: what is at the goal and still moves is to rest
     for ahead in (0.1, 0.3, 0.6, 1.0):
         rows += [(ahead, bias, 1.0, 0.0) for bias in (0.0, -0.25, 0.25, -0.55, 0.55)]
         rows.append((ahead, 0.0, 0.5, 0.0))
@@ -92,6 +99,33 @@ def pairs(count: int, generator: np.random.Generator) -> Array:
     return rows
 
 
+def pushed(candidate: Array, time: float) -> Array:
+    """Return what is left of a candidate, (CANDIDATE,), after `time`, s, of pushing."""
+    left = candidate.copy()
+    left[BODY_OF] -= time
+    if left[BODY_OF] <= 0.0:
+        left[[BODY_OF, STAND_OF, LEAN_OF]] = left[[AFTER, AFTER_STAND, AFTER_LEAN]]
+        left[[AFTER, AFTER_STAND, AFTER_LEAN]] = 0.0
+    return left
+
+
+def variants(candidate: Array, count: int, generator: np.random.Generator) -> Array:
+    """Return `count` candidates, (count, CANDIDATE), that differ little from `candidate`, drawn normally."""
+    rows = np.tile(candidate, (count, 1))
+    draws = generator.standard_normal((count, 8))
+    rows[:, AHEAD] = np.clip(rows[:, AHEAD] * np.exp(0.4 * draws[:, 0]), 0.05, 1.5)
+    rows[:, BIAS_OF] = np.clip(rows[:, BIAS_OF] + 0.15 * draws[:, 1], -0.7, 0.7)
+    if candidate[BODY_OF] > 0.0:
+        rows[:, STAND_OF] += 0.15 * draws[:, 2]
+        rows[:, LEAN_OF] = np.clip(rows[:, LEAN_OF] + 0.15 * draws[:, 3], -0.7, 0.7)
+        rows[:, BODY_OF] = np.clip(rows[:, BODY_OF] + 0.3 * draws[:, 4], 0.1, 2.5)
+    if candidate[AFTER] > 0.0:
+        rows[:, AFTER_STAND] += 0.2 * draws[:, 5]
+        rows[:, AFTER_LEAN] = np.clip(rows[:, AFTER_LEAN] + 0.2 * draws[:, 6], -0.7, 0.7)
+        rows[:, AFTER] = np.clip(rows[:, AFTER] + 0.3 * draws[:, 7], 0.1, 2.5)
+    return rows
+
+
 @njit("i8(f8[:,::1],i8,f8,f8)", cache=True)
 def advance(path: Array, index: int, x: float, y: float) -> int:
     """Return the index of the path's point closest to (x, y), searched from `index` both ways while it gets closer."""
@@ -110,10 +144,11 @@ def advance(path: Array, index: int, x: float, y: float) -> int:
     return index
 
 
-@njit("void(f8[:,::1],f8,i8,f8[::1],f8[::1],f8[::1],f8[::1])", cache=True)
+@njit("void(f8[:,::1],f8[::1],f8,i8,f8[::1],f8[::1],f8[::1],f8[::1])", cache=True)
 def manoeuvre_of(
-    path: Array, spacing: float, index: int, state: Array, candidate: Array, settings: Array, out: Array
-) -> None:
+    path: Array, width: Array, spacing: float, index: int,
+    state: Array, candidate: Array, settings: Array, out: Array,
+) -> None:  # fmt: skip
     """Write to `out` the manoeuvre of a candidate for the object's place."""
     last = len(path) - 1
     ahead = min(index + max(1, round(candidate[AHEAD] / spacing)), last)
@@ -122,9 +157,14 @@ def manoeuvre_of(
     left = math.sqrt(gx * gx + gy * gy)
     braked = math.sqrt(2.0 * settings[APPROACH] * left)
     out[BIAS] = candidate[BIAS_OF]
-    out[SPEED] = max(settings[SLOWEST], min(candidate[SPEED_OF] * settings[SPEED_FULL], braked))
+    # What goes wrong in a narrow place is over before it is seen, unless it goes slowly.
+    room = min(width[index], width[min(index + int(_LOOK / spacing), last)])
+    full = settings[SPEED_FULL] * min(1.0, max(_SLOW, room / _WIDE))
+    out[SPEED] = max(settings[SLOWEST], min(candidate[SPEED_OF] * full, braked))
     out[SIDE] = candidate[SIDE_OF]
     out[WALK] = settings[SPEED_WALK]
+    if candidate[SPEED_OF] == 0.0:
+        out[SPEED] = out[WALK] = 0.0
     out[BODY], out[STAND], out[LEAN] = 1.0 if candidate[BODY_OF] > 0.0 else 0.0, candidate[STAND_OF], candidate[LEAN_OF]
 
 
@@ -169,21 +209,25 @@ def _rest(state: Array, manoeuvre: Array, left: float, reach: float, settings: A
 
 
 @njit(
-    "f8(f8[::1],f8,f8[::1],f8[::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1],f8,i8,f8[:,::1],f8,f8,f8,f8[:,::1])",
+    "f8(f8[::1],f8,f8[::1],f8[::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1],f8,i8,f8[:,::1],f8,f8,f8,f8[:,::1],f8)",
     cache=True,
 )
 def rollout(
     start: Array, walking: float, candidate: Array, base: Array, contour: Array, response: Array, settings: Array,
     path: Array, width: Array, spacing: float, index: int,
-    values: Array, x0: float, y0: float, resolution: float, trace: Array,
+    values: Array, x0: float, y0: float, resolution: float, trace: Array, bound: float,
 ) -> float:  # fmt: skip
-    """Return the cost of a candidate; writes (object, robot) positions to `trace` (steps, 4), as far as it reaches."""
+    """Return the cost of a candidate; writes (object, robot) positions to `trace` (steps, 4), as far as it reaches.
+
+    Args:
+        bound: a candidate is given up, at infinite cost, when what is left of its rollout can hardly bring it below.
+    """
     state = start.copy()
     manoeuvre = np.empty(MANOEUVRE)
     steps = int(FINE / STEP) + int((_LONGEST - FINE) / COARSE)
     last = len(path) - 1
     cost, left, depth, needed = 0.0, 0.0, 0.0, 0.0
-    pushed = 0.0
+    pushed, askew = 0.0, 0.0
     enough = max(_PUSHED, candidate[BODY_OF] + candidate[AFTER] + 1.0)
     reach = contour.mean()
     time, dt = 0.0, STEP
@@ -193,7 +237,7 @@ def rollout(
             break
         dt = STEP if time < FINE - 1e-6 else COARSE
         index = advance(path, index, state[X], state[Y])
-        manoeuvre_of(path, spacing, index, state, candidate, settings, manoeuvre)
+        manoeuvre_of(path, width, spacing, index, state, candidate, settings, manoeuvre)
         if manoeuvre[BODY] == 1.0 and pushed >= candidate[BODY_OF]:
             if pushed < candidate[BODY_OF] + candidate[AFTER]:
                 manoeuvre[STAND], manoeuvre[LEAN] = candidate[AFTER_STAND], candidate[AFTER_LEAN]
@@ -212,17 +256,21 @@ def rollout(
         if k < len(trace):
             trace[k, 0], trace[k, 1], trace[k, 2], trace[k, 3] = state[X], state[Y], state[RX], state[RY]
         gx, gy = state[X] - path[last, 0], state[Y] - path[last, 1]
-        if gx * gx + gy * gy < settings[PRECISION] * settings[PRECISION]:
-            left = 0.0
-            break
+        askew = max(0.0, abs(wrapped(state[YAW] - settings[GOAL_YAW])) - settings[TURNED])
+        there = gx * gx + gy * gy < settings[PRECISION] * settings[PRECISION] and askew == 0.0
+        if there and state[VX] * state[VX] + state[VY] * state[VY] < _AT_REST * _AT_REST:
+            return cost
         depth = lookup(values, x0, y0, resolution, state[X], state[Y])
         own = lookup(values, x0, y0, resolution, state[RX], state[RY])
         needed = min(reach + _ROOM, 0.75 * max(width[index], 0.0))
         cost += dt * (1.0 + _danger(depth, own, needed, walking))
-    if left > 0.0:
-        # Near the edge the robot cannot stand where it would have to.
-        cost += _rest(state, manoeuvre, left, reach, settings) + _SHORT * max(0.0, needed - depth)
-    return cost
+        ahead = max(settings[HORIZON] - time, enough - pushed)
+        if cost + left / (_PROGRESS * settings[SPEED_FULL]) - _GAINED * ahead > bound:
+            return np.inf
+    # What is still to be turned is like a way to be pushed; the nearer to the goal, the less is it left for later.
+    left += _ASKEW * askew * _TURN_FROM / max(left, _TURN_FROM)
+    # Near the edge the robot cannot stand where it would have to.
+    return cost + _rest(state, manoeuvre, left, reach, settings) + _SHORT * max(0.0, needed - depth)
 
 
 @njit(
@@ -241,10 +289,12 @@ def choose(
     """
     best, cheapest = -1, np.inf
     nothing = np.empty((0, 4))
-    for i in range(len(rows)):
+    for k in range(len(rows)):
+        # From the last on: the favourite is there, and what it costs cuts the others short.
+        i = len(rows) - 1 - k
         cost = rollout(
             start, walking, rows[i], base, contour, response, settings,
-            path, width, spacing, index, values, x0, y0, resolution, nothing,
+            path, width, spacing, index, values, x0, y0, resolution, nothing, cheapest,
         )  # fmt: skip
         if i == favourite:
             # On the way around, half-heartedness costs most: what is begun is finished unless much is to be gained.

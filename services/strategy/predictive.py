@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.messages import PushPlan
+from runtime.messages import PushGoal, PushPlan
 from runtime.time import nanoseconds
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import polyline
@@ -21,10 +22,11 @@ from services.strategy.config import PredictiveConfig
 Array = NDArray[np.float64]
 
 _WHEELS = 0.8
-_COMMITTED = 6.0
-_DISAPPOINTED = 5.0
+_COMMITTED = 8.0
+_DISAPPOINTED = 15.0
 _BEGUN = 1.2
 _PAIRS = 24
+_VARIANTS = 36
 _CANDIDATES = plan.candidates()
 
 
@@ -39,6 +41,7 @@ class PlannerState:
         walking: 1 while the robot walks around the object.
         chosen: when the favourite was chosen, ns.
         promised: its cost then, s.
+        planned: when the last plan was made, ns.
         walked: when the robot last walked around the object, ns.
         rolls: the object was taken to have wheels in this push.
     """
@@ -49,6 +52,7 @@ class PlannerState:
     walking: float = 0.0
     chosen: int = 0
     promised: float = 0.0
+    planned: int = 0
     walked: int = 0
     rolls: bool = False
 
@@ -62,14 +66,14 @@ def choose(
     contour: Array,
     response: Array,
     windows: int,
-    precision: float,
+    goal: PushGoal,
     now: int,
 ) -> tuple[Array, PushPlan]:
     """Return the target t, (2,), and the plan that it belongs to.
 
     Args:
         windows: how many observations of the response there are.
-        precision: m. now: ns, when the plan takes effect.
+        now: ns, when the plan takes effect.
     """
     start = state.track.at(now, base, contour, response)
     settings = np.empty(plan.SETTINGS)
@@ -78,13 +82,19 @@ def choose(
     speed = config.speed * (config.caution if state.rolls or windows < config.acquainted else 1.0)
     approach = config.approach * (config.caution**2 if state.rolls else 1.0)
     settings[[plan.HORIZON, plan.SPEED_FULL, plan.APPROACH]] = config.horizon, speed, approach
-    settings[[plan.SLOWEST, plan.MARGIN, plan.PRECISION]] = config.slowest, config.margin, 0.6 * precision
+    settings[[plan.SLOWEST, plan.MARGIN, plan.PRECISION]] = config.slowest, config.margin, 0.6 * goal.precision
     settings[plan.SPEED_WALK] = config.speed
+    settings[[plan.GOAL_YAW, plan.TURNED]] = 0.0, math.pi
+    if goal.HasField("yaw"):
+        settings[[plan.GOAL_YAW, plan.TURNED]] = goal.yaw, 0.6 * goal.yaw_precision
     index = lane.nearest(start[X], start[Y])
     where = corridor.field.grid
     # Who walks around and thinks better of it halfway, again and again, gets nowhere.
     if state.walking == 1.0:
         state.walked = now
+    elif state.favourite:
+        state.favourite = plan.pushed(np.array(state.favourite), 1e-9 * (now - state.planned)).tolist()
+    state.planned = now
     begun = state.chosen < state.walked and now - state.walked < nanoseconds(_BEGUN)
     held = bool(state.favourite) and begun and now - state.chosen < nanoseconds(_COMMITTED)
     row = np.array(state.favourite or _CANDIDATES[0])
@@ -93,7 +103,7 @@ def choose(
         trace = np.zeros((int(config.horizon / plan.STEP) + 1, 4))
         cost = plan.rollout(
             start, state.walking, row, base, contour, response, settings,
-            lane.path, lane.width, SPACING, index, *where, trace,
+            lane.path, lane.width, SPACING, index, *where, trace, np.inf,
         )  # fmt: skip
         return cost, trace
 
@@ -101,7 +111,8 @@ def choose(
         cost, trace = rolled(row)
         held = cost < state.promised + _DISAPPOINTED
     if not held:
-        rows = np.concatenate([_CANDIDATES, plan.pairs(_PAIRS, state.generator), row[None]])
+        near = plan.variants(row, _VARIANTS, state.generator)
+        rows = np.concatenate([_CANDIDATES, plan.pairs(_PAIRS, state.generator), near, row[None]])
         favourite = len(rows) - 1 if state.favourite else -1
         best, _ = plan.choose(
             start, state.walking, rows, base, contour, response, settings,
@@ -114,7 +125,7 @@ def choose(
         if state.chosen == now:
             state.promised = cost
     manoeuvre = np.empty(MANOEUVRE)
-    plan.manoeuvre_of(lane.path, SPACING, index, start, row, settings, manoeuvre)
+    plan.manoeuvre_of(lane.path, lane.width, SPACING, index, start, row, settings, manoeuvre)
     shown = trace[(trace != 0.0).any(axis=1)][:: plan.SHOWN]
     message = PushPlan(
         ahead=row[plan.AHEAD],

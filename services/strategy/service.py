@@ -128,7 +128,7 @@ class StrategyService(Service):
         windows = 0 if self.response is None else self.response.windows
         then = now + nanoseconds(config.lead)
         t, plan = predictive.choose(
-            planner, config, self._geometry, self._lane, base, contour, response, windows, goal.precision, then
+            planner, config, self._geometry, self._lane, base, contour, response, windows, goal, then
         )
         p = push_position(o, t, corridor.robot_diameter, object.diameter, t - o)
         yield self.target(

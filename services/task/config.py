@@ -14,9 +14,22 @@ class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     strategy: Annotated[str, Meta(description="of goals that name none")] = "strict"
     controller: Annotated[str, Meta(description="of goals that name none")] = "adaptive"
     precision: Annotated[float, Meta(gt=0, le=5, description="m, of goals that state none")] = 0.1
+    yaw_precision: Annotated[
+        float, Meta(gt=0, le=3.15, description="rad, of goals that ask for an orientation and state no precision of it")
+    ] = 0.2618
     confirmations: Annotated[
         int, Meta(ge=1, le=100, description="object states in a row within the precision that make a delivery")
     ] = 3
+    rest: Annotated[
+        float,
+        Meta(
+            ge=0.1,
+            le=5,
+            description="s that the object is to be at rest within the precision to be delivered with the predictive "
+            "strategy, which can wait for what still moves",
+        ),
+    ] = 0.4
+    rest_speed: Annotated[float, Meta(gt=0, le=2, description="m/s below which an object counts as at rest")] = 0.06
     time_limit: Annotated[float, Meta(gt=0, le=36000, description="s, of goals that state none")] = 400.0
     violation_tolerance: Annotated[
         float,
@@ -29,6 +42,9 @@ class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     planning_limit: Annotated[float, Meta(gt=0, le=600, description="s to wait for a corridor")] = 10.0
     stall_after: Annotated[float, Meta(gt=0, le=36000, description="s without progress before the push fails")] = 60.0
     stall_progress: Annotated[float, Meta(gt=0, le=5, description="m that count as progress")] = 0.05
+    stall_turn: Annotated[
+        float, Meta(gt=0, le=3.15, description="rad towards the wanted orientation that count as progress")
+    ] = 0.175
 
     def __post_init__(self) -> None:
         for what, name, known in (

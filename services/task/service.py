@@ -22,6 +22,7 @@ from runtime.messages import (
 )
 from runtime.service import Effects, Input, Output, Publication, RequestInput, Service, Timer, on
 from runtime.time import Time, seconds
+from services.geometry.angles import difference
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry, vector
 from services.names import CONTROLLERS, STRATEGIES
@@ -30,6 +31,7 @@ from services.task.progress import Progress
 
 _MIN_PRECISION = 0.005
 _MAX_COORDINATE = 1e4
+_MIN_YAW_PRECISION = 0.02
 
 
 @dataclass
@@ -41,8 +43,10 @@ class TaskState:
         accepted: when, ns.
         status: as published last.
         seen: when the object was last seen or predicted, ns.
-        best: m along Q, the least distance to go that counted as progress; since: when, ns.
+        best, turned: m along Q and rad, the least distance to go and the least turn left that counted as progress;
+            since: when, ns.
         within: object states in a row that were within the precision.
+        there: stamps, s, and positions of the newest of them: (s, x, y).
     """
 
     goal: PushGoal = field(default_factory=PushGoal)
@@ -51,8 +55,10 @@ class TaskState:
     progress: Progress = field(default_factory=Progress)
     seen: Time = 0
     best: float = math.inf
+    turned: float = math.inf
     since: Time = 0
     within: int = 0
+    there: list[tuple[float, float, float]] = field(default_factory=list)
 
 
 class TaskService(Service):
@@ -98,6 +104,8 @@ class TaskService(Service):
         goal.controller = request.controller or self.config.controller
         goal.precision = request.precision or self.config.precision
         goal.time_limit = request.time_limit or self.config.time_limit
+        if goal.HasField("yaw"):
+            goal.yaw_precision = request.yaw_precision or self.config.yaw_precision
         self.state = TaskState(goal=goal, accepted=now, seen=now)
         self.state.status.CopyFrom(PushStatus(goal_id=goal.id, phase=PushPhase.PLANNING))
         if self.object is not None:
@@ -106,7 +114,7 @@ class TaskService(Service):
         yield self.goal(goal)
         yield self.say(
             f"goal {goal.id} at ({goal.position.x:.2f}, {goal.position.y:.2f}) m accepted: "
-            f"{goal.strategy}, {goal.controller}, {goal.precision:g} m",
+            f"{goal.strategy}, {goal.controller}, {goal.precision:g} m{_orientation(goal)}",
             now,
         )
         yield self._report(now)
@@ -158,8 +166,11 @@ class TaskService(Service):
         # Noise must not decide: within the precision is what is so by two standard deviations, several times.
         doubt = 2.0 * math.sqrt(max(object.covariance[0], object.covariance[3])) if object.covariance else 0.0
         within = status.distance_left + doubt <= goal.precision
+        if goal.HasField("yaw"):
+            doubt = 2.0 * math.sqrt(object.yaw_variance)
+            within = within and object.HasField("yaw") and status.yaw_left + doubt <= goal.yaw_precision
         self.state.within = self.state.within + 1 if within else 0
-        if self.state.within >= self.config.confirmations:
+        if self.state.within >= self.config.confirmations and self._rested(object):
             yield from self._end(PushOutcome.DELIVERED, FailureCause.CAUSE_NONE, "", now)
             return
         cause = self._failure(now)
@@ -187,6 +198,18 @@ class TaskService(Service):
             return f"precision {request.precision} m is below {_MIN_PRECISION} m"
         if request.time_limit < 0:
             return f"time limit {request.time_limit} s is below 0"
+        return self._refusal_of_yaw(request)
+
+    def _refusal_of_yaw(self, request: PushGoal) -> str:
+        if not request.HasField("yaw"):
+            return "yaw_precision is of no use without yaw" if request.yaw_precision else ""
+        if request.yaw_precision and not _MIN_YAW_PRECISION <= request.yaw_precision <= math.pi:
+            return f"yaw_precision {request.yaw_precision} rad is not from {_MIN_YAW_PRECISION} to pi"
+        strategy = request.strategy or self.config.strategy
+        if strategy != "predictive":
+            return f"strategy '{strategy}' does not turn objects to an orientation; expected 'predictive'"
+        if self.object is not None and not self.object.HasField("yaw"):
+            return "the tracker does not see this object's orientation: a goal with yaw cannot be judged"
         return ""
 
     def _measure(self, corridor: CorridorGeometry, robot: RobotPose, object: ObjectState, now: Time) -> None:
@@ -194,6 +217,11 @@ class TaskService(Service):
         r, o, g = np.array((robot.pose.x, robot.pose.y)), vector(object.position), state.goal.position
         state.progress.add(r, o)
         status.distance_left = math.hypot(g.x - o[0], g.y - o[1])
+        if state.goal.HasField("yaw") and object.HasField("yaw"):
+            status.yaw_left = abs(difference(object.yaw, state.goal.yaw))
+            if status.yaw_left <= state.turned - config.stall_turn:
+                state.turned, state.since = status.yaw_left, now
+                state.progress.progressed()
         status.robot_path_length = state.progress.robot_length
         status.object_path_length = state.progress.object_length
         status.robot_violations += corridor.field.value(r[0], r[1]) < -config.violation_tolerance
@@ -202,6 +230,22 @@ class TaskService(Service):
         if to_go <= state.best - config.stall_progress:
             state.best, state.since = to_go, now
             state.progress.progressed()
+
+    def _rested(self, object: ObjectState) -> bool:
+        """Return whether the object, within the precision, has come to rest there, as far as its strategy can wait."""
+        state, config = self.state, self.config
+        if state.goal.strategy != "predictive":
+            return True
+        if state.within <= config.confirmations:
+            state.there = []
+        time = seconds(object.stamp)
+        state.there = [one for one in state.there if one[0] > time - 1.5 * config.rest]
+        state.there.append((time, object.position.x, object.position.y))
+        t, x, y = np.array(state.there).T
+        if t[-1] - t[0] < config.rest:
+            return False
+        t = t - t.mean()
+        return math.hypot(t @ x, t @ y) < config.rest_speed * float(t @ t)
 
     def _failure(self, now: Time) -> FailureCause:
         """Return why the push has failed, or none while it has not."""
@@ -261,3 +305,10 @@ class TaskService(Service):
         if self.state.goal.active or status.phase == PushPhase.ENDED:
             status.elapsed = seconds(now - self.state.accepted)
         return self.status(status)
+
+
+def _orientation(goal: PushGoal) -> str:
+    """Return the orientation that `goal` asks for, in words; empty if none."""
+    if not goal.HasField("yaw"):
+        return ""
+    return f", turned to {math.degrees(goal.yaw):.0f} degrees within {math.degrees(goal.yaw_precision):.0f}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import Counter
 from itertools import product
@@ -118,6 +119,33 @@ def test_goals_are_all_around_at_equal_angles() -> None:
     assert len(kinds) == 6
     for angles in kinds.values():
         assert np.diff(sorted(round(one) % 360 for one in angles)).tolist() == [15] * 23
+
+
+def test_every_orientation_is_asked_of_every_object_in_every_scene() -> None:
+    found = list(cases.tasks(cases.turned(), "predictive", 7, 1))
+    asked = Counter((one.scene, one.object, json.loads(one.settings)["sim"]["yaw"]) for one in found)
+    places = {one.scene for one in found}
+    assert places == {"corridor-1", "corridor-2", "corridor-3", "open"}
+    assert len(asked) == len(places) * 7 * 8 and set(asked.values()) == {1}
+    yaws = sorted({yaw for _, _, yaw in asked})
+    assert np.allclose(np.diff(yaws), math.pi / 4, atol=1e-5) and -math.pi <= yaws[0] and yaws[-1] <= math.pi + 1e-6
+    within = {json.loads(one.settings)["sim"]["yaw_precision"] for one in found}
+    assert within == {round(math.radians(15), 6)}
+    for place in places:
+        assert len({one.seed for one in found if one.scene == place}) == 56
+
+
+def test_orientations_are_told_by_object_and_by_wheels() -> None:
+    trials = [
+        made("orientation", cases.yaw_name(45), object="dino", seed=1),
+        made("orientation", cases.yaw_name(90), object="cart", seed=2, success=False, cause="not turned"),
+        made("orientation", cases.yaw_name(90), object="dino", seed=3),
+    ]
+    things, _, yaws = tables.orientation(trials)
+    rates = {row[1]: row[2] for row in things.rows}
+    assert rates == {"dino": "2/2", "cart": "0/1", "no wheels": "2/2", "wheels": "0/1", "all": "2/3"}
+    assert [row[1:3] for row in yaws.rows] == [("turned to 45 deg", "1/1"), ("turned to 90 deg", "1/2")]
+    assert things.rows[1][-1] == "not turned 1"
 
 
 def test_every_goal_has_seeds_of_its_own() -> None:
@@ -366,6 +394,6 @@ def test_pictures_show_every_kind() -> None:
 
 
 def test_every_experiment_is_told_of() -> None:
-    kinds = {case.experiment for case in (*cases.best(), *cases.around(), *cases.sweep())}
+    kinds = {case.experiment for case in (*cases.best(), *cases.around(), *cases.turned(), *cases.sweep())}
     assert kinds == set(TITLES) == set(WANTED)
     assert set(ROOMS) == {"1A", "1B", "2A", "2B"}

@@ -102,7 +102,7 @@ def test_wrong_options_are_said_before_anything_is_run(tmp_path: Path) -> None:
     assert not (tmp_path / "a").exists()
 
 
-@pytest.mark.parametrize("verb", ["best", "open", "robustness"])
+@pytest.mark.parametrize("verb", ["best", "open", "orientation", "robustness"])
 def test_every_verb_has_the_options_of_the_others(verb: str) -> None:
     found = CliRunner().invoke(experiment(), [verb, "--help"], env={"COLUMNS": "200", "TERM": "dumb"})
     assert found.exit_code == 0

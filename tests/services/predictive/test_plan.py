@@ -1,0 +1,142 @@
+"""Candidates age as they are carried out, vary a little, and the cheapest is taken; an orientation can be asked for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from services.geometry.field import Field
+from services.predictive import model as m
+from services.predictive import plan
+
+PATH = np.column_stack([np.arange(0.0, 4.01, 0.05), np.zeros(81)])
+WIDTH = np.full(81, 0.7)
+FIELD = Field.build(PATH, WIDTH)
+BASE = np.array([0.8, 0.1, 0.23])
+CONTOUR = m.prior_contour(0.46, 0.4)
+RESPONSE = m.prior_response(0.4)
+
+
+def two_pushes(first: float, second: float) -> plan.Array:
+    candidate = np.zeros(plan.CANDIDATE)
+    candidate[[plan.BODY_OF, plan.STAND_OF, plan.LEAN_OF]] = first, 1.0, 0.1
+    candidate[[plan.AFTER, plan.AFTER_STAND, plan.AFTER_LEAN]] = second, 2.0, 0.2
+    return candidate
+
+
+@given(st.floats(0.1, 2.0), st.floats(0.1, 2.0), st.lists(st.floats(0.01, 0.2), max_size=60))
+def test_pushes_follow_each_other_as_time_passes(first: float, second: float, ticks: list[float]) -> None:
+    left = two_pushes(first, second)
+    passed = 0.0
+    for tick in ticks:
+        left = plan.pushed(left, tick)
+        passed += tick
+        longest = max(ticks)
+        if passed < first - 1e-9:
+            assert left[plan.STAND_OF] == 1.0 and left[plan.BODY_OF] == pytest.approx(first - passed)
+        # A push ends with a tick: up to one of them late.
+        if first + longest + 1e-9 < passed < first + second:
+            assert left[plan.STAND_OF] == 2.0 and 0.0 < left[plan.BODY_OF] <= second
+        if passed > first + second + 2 * longest:
+            assert left[plan.BODY_OF] <= 0.0
+    assert (left[[plan.BODY_OF, plan.AFTER]] >= 0.0).all()
+
+
+def test_variants_are_near_and_within_bounds() -> None:
+    generator = np.random.Generator(np.random.PCG64(3))
+    candidate = two_pushes(1.0, 1.0)
+    candidate[[plan.AHEAD, plan.SPEED_OF]] = 0.3, 0.7
+    found = plan.variants(candidate, 4000, generator)
+    # 4000 draws: the mean of each to within five standard errors.
+    for place, deviation in ((plan.STAND_OF, 0.15), (plan.AFTER_STAND, 0.2), (plan.BIAS_OF, 0.15)):
+        assert found[:, place].mean() == pytest.approx(candidate[place], abs=5 * deviation / math.sqrt(4000))
+        assert found[:, place].std() == pytest.approx(deviation, rel=0.1)
+    assert (found[:, plan.SPEED_OF] == 0.7).all()
+    assert found[:, plan.AHEAD].min() >= 0.05 and found[:, plan.BODY_OF].min() > 0.0
+    plain = np.zeros(plan.CANDIDATE)
+    plain[[plan.AHEAD, plan.SPEED_OF]] = 0.3, 1.0
+    found = plan.variants(plain, 50, generator)
+    assert not found[:, plan.BODY_OF :].any(), "a candidate that is one push stays one"
+
+
+def situation(generator: np.random.Generator) -> plan.Array:
+    state = np.zeros(m.STATE)
+    state[m.X], state[m.Y], state[m.YAW] = *generator.uniform((0.5, -0.3), (3.0, 0.3)), generator.uniform(-3, 3)
+    bearing = generator.uniform(-math.pi, math.pi)
+    distance = CONTOUR.mean() + generator.uniform(0.01, 0.1)
+    state[m.RX] = state[m.X] + distance * math.cos(bearing)
+    state[m.RY] = np.clip(state[m.Y] + distance * math.sin(bearing), -0.6, 0.6)
+    return state
+
+
+def settings_() -> plan.Array:
+    settings = np.zeros(plan.SETTINGS)
+    settings[[plan.HORIZON, plan.SPEED_FULL, plan.APPROACH, plan.SLOWEST]] = 7.0, 0.3, 0.15, 0.06
+    settings[[plan.MARGIN, plan.PRECISION, plan.SPEED_WALK, plan.TURNED]] = 0.02, 0.03, 0.3, math.pi
+    return settings
+
+
+def cost_of(state: plan.Array, row: plan.Array, settings: plan.Array) -> float:
+    index = int(np.argmin(np.hypot(PATH[:, 0] - state[m.X], PATH[:, 1] - state[m.Y])))
+    none = np.empty((0, 4))
+    return plan.rollout(
+        state, 0.0, row, BASE, CONTOUR, RESPONSE, settings, PATH, WIDTH, 0.05, index, *FIELD.grid, none, np.inf
+    )
+
+
+def test_what_is_given_up_early_would_not_have_been_cheaper() -> None:
+    """The bound is a guess of what the rest of a rollout can save: the oracle rolls every candidate out to its end."""
+    generator = np.random.Generator(np.random.PCG64(5))
+    rows, settings = plan.candidates(), settings_()
+    dearer = []
+    for _ in range(30):
+        state = situation(generator)
+        index = int(np.argmin(np.hypot(PATH[:, 0] - state[m.X], PATH[:, 1] - state[m.Y])))
+        costs = [cost_of(state, row, settings) for row in rows]
+        best, cheapest = plan.choose(
+            state, 0.0, rows, BASE, CONTOUR, RESPONSE, settings, PATH, WIDTH, 0.05, index, *FIELD.grid, -1
+        )
+        assert cheapest == pytest.approx(costs[int(best)])
+        dearer.append(cheapest / min(costs) - 1.0)
+    assert np.mean(np.array(dearer) > 1e-9) < 0.25
+    assert max(dearer) < 0.02
+
+
+def test_the_favourite_is_kept_unless_another_is_clearly_cheaper() -> None:
+    generator = np.random.Generator(np.random.PCG64(6))
+    rows, settings = plan.candidates(), settings_()
+    state = situation(generator)
+    index = int(np.argmin(np.hypot(PATH[:, 0] - state[m.X], PATH[:, 1] - state[m.Y])))
+    order = np.argsort([cost_of(state, row, settings) for row in rows])
+    costs = [cost_of(state, rows[k], settings) for k in order]
+    given = (BASE, CONTOUR, RESPONSE, settings, PATH, WIDTH, 0.05, index, *FIELD.grid)
+    near = next(k for k, cost in enumerate(costs) if cost > costs[0])
+    assert costs[near] - costs[0] < 0.6, "the second is to be close for this test to say anything"
+    ahead = np.ascontiguousarray(rows[order[: near + 1]])
+    assert plan.choose(state, 0.0, ahead, *given, near)[0] == near
+    assert plan.choose(state, 0.0, ahead, *given, -1)[0] < near
+    last = np.ascontiguousarray(rows[order[[0, -1]]])
+    assert costs[-1] - costs[0] > 0.6 and plan.choose(state, 0.0, last, *given, 1)[0] == 0
+
+
+def test_a_push_that_turns_the_object_as_wanted_is_the_cheaper_one() -> None:
+    """The object is at the goal: pushed off its middle it turns one way or the other, and one of them is wanted."""
+    state = np.zeros(m.STATE)
+    state[m.X], state[m.RX] = 4.0, 4.0 - CONTOUR.mean() - 0.005
+    costs = {}
+    for wanted in (-1.0, 1.0):
+        settings = settings_()
+        settings[[plan.GOAL_YAW, plan.TURNED]] = wanted, 0.15
+        for stand in (math.pi - 0.5, math.pi + 0.5):
+            row = np.zeros(plan.CANDIDATE)
+            row[[plan.AHEAD, plan.SPEED_OF]] = 0.3, 0.7
+            row[[plan.BODY_OF, plan.STAND_OF, plan.LEAN_OF]] = 2.0, stand, 0.6 if stand > math.pi else -0.6
+            costs[wanted, stand > math.pi] = cost_of(state, row, settings)
+    # Mirrored situations, mirrored costs.
+    assert costs[1.0, True] == pytest.approx(costs[-1.0, False], rel=1e-3)
+    assert costs[1.0, False] == pytest.approx(costs[-1.0, True], rel=1e-3)
+    assert abs(costs[1.0, True] - costs[1.0, False]) > 1.0
