@@ -30,11 +30,13 @@ TIME_LIMIT = 120.0
 GRAVITY = 9.81
 
 OUT_OF_REACH = (
-    "plan: the base leaves the wall for places on the room's side, which are outside of the corridor, and hangs at the "
-    "edge, or changes its mind for ever, on the way there"
+    "no push of the cart within 0.06 m of the edge is found: the base walks between places to push from, and stalls"
 )
-WHEELS = "the cart's wheels are not known in time: it leaves the corridor, or comes where no candidate moves it"
-DRIFTS_ON = "delivery is declared while the ball still rolls: it leaves the precision after the base has stopped"
+GRAZES = "the cart is delivered, but its centre is 1.5 mm out of the corridor on the way"
+ROLLS_ON = (
+    "a ball that needs 0.5 m to stop from the slowest push rolls through the goal; the base walks around it to stop it, "
+    "and is not there in time"
+)
 
 
 def settings(scene: str, thing: str, seed: int) -> Layer:
@@ -96,9 +98,8 @@ _OBJECTS = {
     "recovery-lost": ("white-ball", "can", "box", "cart"),
 }
 _FAILS = {
-    **{("recovery-stuck", "cart", seed): WHEELS for seed in (1, 2)},
-    **{("recovery-wall", "cart", seed): OUT_OF_REACH for seed in _SEEDS},
-    ("recovery-wall", "cylinder", 3): OUT_OF_REACH,
+    ("recovery-stuck", "cart", 1): GRAZES,
+    **{("recovery-wall", "cart", seed): OUT_OF_REACH for seed in (2, 3)},
 }
 
 
@@ -195,11 +196,11 @@ def slippery(before: Layer, rolling: float, blind: list[dict[str, float]]) -> Se
 @pytest.mark.parametrize(
     ("scene", "seed", "begin"),
     [
-        failing("recovery-lost", 2, 7.0, reason=DRIFTS_ON),
+        failing("recovery-lost", 2, 7.0, reason=ROLLS_ON),
         ("recovery-lost", 2, 12.0),
         ("recovery-lost", 1, 7.0),
         ("recovery-lost", 1, 12.0),
-        failing("recovery-overshot", 1, 100.0, reason=DRIFTS_ON),
+        failing("recovery-overshot", 1, 100.0, reason=ROLLS_ON),
     ],
 )
 def test_a_ball_that_hardly_slows_down_is_brought_to_its_goal(
