@@ -55,7 +55,7 @@ _ROOM = 0.04
 _BODY = 0.8
 _STILL = 0.04
 _CHANGE = 0.1
-_BLOCKED = 10.0
+_BLOCKED = 4.0
 _CAREFUL = 0.2
 _RISK = 15.0
 _PUSHED = 4.0
@@ -92,10 +92,10 @@ def pairs(count: int, generator: np.random.Generator) -> Array:
     Wheels are turned with the first, so that the second is along them: no single push does that.
     """
     rows = np.zeros((count, CANDIDATE))
-    rows[:, [AHEAD, SPEED_OF]] = 0.3, 0.7
+    rows[:, [AHEAD, SPEED_OF]] = 0.3, 1.0
     rows[:, [STAND_OF, AFTER_STAND]] = generator.uniform(-math.pi, math.pi, (count, 2))
     rows[:, [LEAN_OF, AFTER_LEAN]] = generator.uniform(-0.6, 0.6, (count, 2))
-    rows[:, [BODY_OF, AFTER]] = generator.uniform(0.5, 2.0, (count, 2))
+    rows[:, [BODY_OF, AFTER]] = generator.uniform(0.4, 2.4, (count, 2))
     return rows
 
 
