@@ -19,13 +19,16 @@ from experiments.beyond.cases import (
     value_name,
 )
 from experiments.paper.cells import HOUSEHOLD, ROOMS, SHAPES
-from experiments.paper.figures import rate
+from experiments.paper.figures import paired, rate
 from experiments.paper.tables import Table
 from experiments.paper.trial import Outcome
 from experiments.scoring import wilson
 
 BAR_RATIO = {False: 1.25, True: 1.6}
 """Most that the median L_Qr / L_Qo may be, without and with wheels."""
+
+BAR_BESIDE = 1.1
+"""Most that the predictive method's L_Qr may be of that of the best of the paper's, on pushes that both deliver."""
 
 ROOM_SETS = {"objects of Experiment 1": SHAPES, "household objects": HOUSEHOLD}
 
@@ -118,6 +121,29 @@ def best(outcomes: Sequence[Outcome]) -> list[Table]:
     ]  # fmt: skip
 
 
+def beside(outcomes: Sequence[Outcome]) -> list[Table]:
+    """Return the robot's paths of the predictive method beside those of others, on pushes that both delivered."""
+    ours = [one for one in outcomes if one.experiment == "best"]
+    rows = []
+    for other in methods(ours)[1:]:
+        for name, wheels in (("no wheels", False), ("wheels", True)):
+            first, second = (
+                [one for one in ours if one.method == method and has_wheels(one.object) == wheels]
+                for method in ("predictive", other)
+            )
+            lengths = paired(first, second, lambda one: one.robot_length)
+            if not lengths:
+                continue
+            mine, theirs = (sum(pair[k] for pair in lengths) / len(lengths) for k in (0, 1))
+            verdict = "met" if mine <= BAR_BESIDE * theirs else "missed"
+            rows.append(
+                (other, name, str(len(lengths)), f"{mine:.2f}", f"{theirs:.2f}", f"{mine / theirs:.3f}, {verdict}")
+            )
+    headings = ("method", "objects", "both delivered", "L_Qr, predictive (m)", "L_Qr, method (m)")
+    caption = "The robot's path beside other methods', means over the pushes that both delivered"
+    return [Table(caption, (*headings, f"ratio (at most {BAR_BESIDE:g})"), tuple(rows))]
+
+
 def around(outcomes: Sequence[Outcome]) -> list[Table]:
     """Return the tables of `pushlane experiment open`."""
     ours = [one for one in outcomes if one.experiment == "open"]
@@ -190,7 +216,15 @@ def robustness(outcomes: Sequence[Outcome]) -> list[Table]:
 def tables(outcomes: Sequence[Outcome]) -> list[Table]:
     """Return every table that there are trials for."""
     return [
-        one for one in (*best(outcomes), *around(outcomes), *orientation(outcomes), *robustness(outcomes)) if one.rows
+        one
+        for one in (
+            *best(outcomes),
+            *beside(outcomes),
+            *around(outcomes),
+            *orientation(outcomes),
+            *robustness(outcomes),
+        )
+        if one.rows
     ]
 
 

@@ -90,7 +90,7 @@ def select(
 def paired(
     first: Iterable[Outcome], second: Iterable[Outcome], value: Callable[[Outcome], float]
 ) -> list[tuple[float, float]]:
-    """Return `value` of both for every scene, object, start and seed that both delivered.
+    """Return `value` of both for every case, scene, object, start and seed that both delivered.
 
     Means over each one's own successes compare different pushes: who fails at the hard ones looks short.
     """
@@ -104,5 +104,5 @@ def _grazed(one: Outcome) -> bool:
     return one.distance <= one.precision and -GRAZE <= min(one.robot_depth, one.object_depth) < 0.0
 
 
-def _place(one: Outcome) -> tuple[str, str, str, str, int]:
-    return one.experiment, one.scene, one.object, one.start, one.seed
+def _place(one: Outcome) -> tuple[str, str, str, str, str, int]:
+    return one.experiment, one.case, one.scene, one.object, one.start, one.seed

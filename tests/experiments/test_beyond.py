@@ -339,6 +339,28 @@ def test_tables_tell_methods_and_yaw_apart() -> None:
     ]
 
 
+def test_paths_are_compared_on_pushes_that_both_delivered() -> None:
+    case = "width 1, yaw seen"
+    paper = {"method": "relaxed/adaptive"}
+    trials = [
+        made("best", case, object="dino", seed=1, robot_length=5.0),
+        made("best", case, object="dino", seed=1, robot_length=5.5, **paper),
+        made("best", case, object="dino", seed=2, robot_length=7.0),
+        made("best", case, object="dino", seed=2, robot_length=4.5, **paper),
+        made("best", case, object="dino", seed=3, robot_length=99.0),
+        made("best", case, object="dino", seed=3, robot_length=1.0, success=False, cause="stall", **paper),
+        made("best", case, object="cart", seed=4, robot_length=9.0),
+        made("best", case, object="cart", seed=4, robot_length=10.0, **paper),
+        made("best", "width 1.8, yaw seen", object="cart", seed=4, robot_length=88.0),
+    ]
+    (table,) = tables.beside(trials)
+    assert table.rows == (
+        ("relaxed/adaptive", "no wheels", "2", "6.00", "5.00", "1.200, missed"),
+        ("relaxed/adaptive", "wheels", "1", "9.00", "10.00", "0.900, met"),
+    )
+    assert tables.beside(trials[:1])[0].rows == ()
+
+
 def test_goals_are_told_apart_by_direction_and_beside_the_published_rates() -> None:
     trials = [
         made("open", cases.goal_name(0.2, degrees), object="box", scene="open", success=degrees != 180, cause="")
