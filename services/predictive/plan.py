@@ -66,6 +66,7 @@ _GAINED = 0.7
 _ASKEW = 2.0
 _TURN_FROM = 0.8
 _AT_REST = 0.05
+_IN_VAIN = 1000.0
 _LOOK = 0.4
 _WIDE = 0.4
 _SLOW = 0.5
@@ -267,6 +268,8 @@ def rollout(
         ahead = max(settings[HORIZON] - time, enough - pushed)
         if cost + left / (_PROGRESS * settings[SPEED_FULL]) - _GAINED * ahead > bound:
             return np.inf
+    if candidate[SPEED_OF] == 0.0:
+        return cost + _IN_VAIN
     # What is still to be turned is like a way to be pushed; the nearer to the goal, the less is it left for later.
     left += _ASKEW * askew * _TURN_FROM / max(left, _TURN_FROM)
     # Near the edge the robot cannot stand where it would have to.
@@ -274,17 +277,20 @@ def rollout(
 
 
 @njit(
-    "UniTuple(f8,2)(f8[::1],f8,f8[:,::1],f8[::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1],f8,i8,f8[:,::1],f8,f8,f8,i8)",
+    "UniTuple(f8,2)(f8[::1],f8,f8[:,::1],f8[::1],f8[::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1],f8,i8,f8[:,::1],"
+    "f8,f8,f8,i8)",
     cache=True,
 )
 def choose(
-    start: Array, walking: float, rows: Array, base: Array, contour: Array, response: Array, settings: Array,
+    start: Array, walking: float, rows: Array, whims: Array,
+    base: Array, contour: Array, response: Array, settings: Array,
     path: Array, width: Array, spacing: float, index: int,
     values: Array, x0: float, y0: float, resolution: float, favourite: int,
 ) -> tuple[float, float]:  # fmt: skip
-    """Return the number of the cheapest of the candidates `rows`, and its cost.
+    """Return the number of the cheapest of the candidates `rows`, and its cost, the whim included.
 
     Args:
+        whims: (N,), s, on top of the costs of `rows`.
         favourite: the one in force, which has a small advantage; -1 for none. Its changes cost more than they bring.
     """
     best, cheapest = -1, np.inf
@@ -294,8 +300,8 @@ def choose(
         i = len(rows) - 1 - k
         cost = rollout(
             start, walking, rows[i], base, contour, response, settings,
-            path, width, spacing, index, values, x0, y0, resolution, nothing, cheapest,
-        )  # fmt: skip
+            path, width, spacing, index, values, x0, y0, resolution, nothing, cheapest - whims[i],
+        ) + whims[i]  # fmt: skip
         if i == favourite:
             # On the way around, half-heartedness costs most: what is begun is finished unless much is to be gained.
             cost -= (2.0 if walking == 1.0 else 0.5) + _CHANGE

@@ -19,7 +19,7 @@ class PredictiveConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     caution: Annotated[
         float, Meta(gt=0, le=1, description="share of the speed while the object is a stranger, or has wheels")
     ] = 0.5
-    acquainted: Annotated[int, Meta(ge=0, le=1000, description="observations of pushes that end the caution")] = 6
+    acquainted: Annotated[int, Meta(ge=0, le=1000, description="observations of pushes that end the caution")] = 12
     lead: Annotated[float, Meta(ge=0, le=1, description="s from a plan to when it moves the base")] = 0.05
 
 

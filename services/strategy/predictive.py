@@ -25,6 +25,10 @@ _WHEELS = 0.8
 _COMMITTED = 8.0
 _DISAPPOINTED = 15.0
 _BEGUN = 1.2
+_IDLE = 8.0
+_WHIM = 0.7
+_WILDEST = 10.0
+_MOVED = 0.03
 _PAIRS = 24
 _VARIANTS = 36
 _CANDIDATES = plan.candidates()
@@ -42,6 +46,7 @@ class PlannerState:
         chosen: when the favourite was chosen, ns.
         promised: its cost then, s.
         planned: when the last plan was made, ns.
+        anchor: where the object was when it moved last, m; since: when, ns.
         walked: when the robot last walked around the object, ns.
         rolls: the object was taken to have wheels in this push.
     """
@@ -53,6 +58,8 @@ class PlannerState:
     chosen: int = 0
     promised: float = 0.0
     planned: int = 0
+    anchor: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    since: int = 0
     walked: int = 0
     rolls: bool = False
 
@@ -93,7 +100,10 @@ def choose(
     if state.walking == 1.0:
         state.walked = now
     elif state.favourite:
-        state.favourite = plan.pushed(np.array(state.favourite), 1e-9 * (now - state.planned)).tolist()
+        left = plan.pushed(np.array(state.favourite), 1e-9 * (now - state.planned))
+        if state.favourite[plan.BODY_OF] > 0.0 and left[plan.BODY_OF] <= 0.0:
+            state.chosen = 0  # it has done what it was chosen for
+        state.favourite = left.tolist()
     state.planned = now
     begun = state.chosen < state.walked and now - state.walked < nanoseconds(_BEGUN)
     held = bool(state.favourite) and begun and now - state.chosen < nanoseconds(_COMMITTED)
@@ -115,7 +125,7 @@ def choose(
         rows = np.concatenate([_CANDIDATES, plan.pairs(_PAIRS, state.generator), near, row[None]])
         favourite = len(rows) - 1 if state.favourite else -1
         best, _ = plan.choose(
-            start, state.walking, rows, base, contour, response, settings,
+            start, state.walking, rows, _whims(state, start, len(rows), now), base, contour, response, settings,
             lane.path, lane.width, SPACING, index, *where, favourite,
         )  # fmt: skip
         if int(best) != favourite:
@@ -145,3 +155,23 @@ def choose(
         margin=config.margin,
     )
     return manoeuvre[[TARGET_X, TARGET_Y]], message
+
+
+def _whims(state: PlannerState, start: Array, count: int, now: int) -> Array:
+    """Return what is on top of the costs of `count` candidates, (count,), s, the favourite last: nothing as a rule.
+
+    Where the object has not moved for long, the plan has come to where all that the model promises is nothing, or is
+    not true. Then one that is not much dearer is drawn, the longer the freer, and is given time before the next.
+    """
+    here = [float(start[X]), float(start[Y])]
+    if math.dist(here, state.anchor) > _MOVED:
+        state.anchor, state.since = here, now
+    idle = 1e-9 * (now - state.since) - _IDLE
+    if idle <= 0.0:
+        return np.zeros(count)
+    if now - state.chosen < nanoseconds(_COMMITTED):
+        kept = np.full(count, _DISAPPOINTED)
+        kept[-1] = 0.0
+        return kept
+    state.chosen = now
+    return min(_WHIM * idle, _WILDEST) * state.generator.uniform(size=count)

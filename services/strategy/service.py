@@ -119,7 +119,7 @@ class StrategyService(Service):
             return
         state, planner = self.state, self.state.planner
         if state.goal_id != goal.id:
-            state.goal_id, planner.favourite, planner.rolls = goal.id, [], False
+            state.goal_id, planner.favourite, planner.rolls, planner.since = goal.id, [], False, now
         base = base_of(self.status)
         contour, response = known(self.response, corridor.robot_diameter, object.diameter)
         o = vector(object.position)
