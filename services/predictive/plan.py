@@ -56,6 +56,7 @@ _BODY = 0.8
 _STILL = 0.04
 _CHANGE = 0.1
 _BLOCKED = 4.0
+_NO_WAY = 15.0
 _CAREFUL = 0.2
 _RISK = 15.0
 _PUSHED = 4.0
@@ -191,8 +192,8 @@ def _danger(depth: float, own: float, needed: float, walking: float) -> float:
     return rate
 
 
-@njit("f8(f8[::1],f8[::1],f8,f8,f8[::1])", cache=True)
-def _rest(state: Array, manoeuvre: Array, left: float, reach: float, settings: Array) -> float:
+@njit("f8(f8[::1],f8[::1],f8,f8,f8[::1],f8)", cache=True)
+def _rest(state: Array, manoeuvre: Array, left: float, reach: float, settings: Array, walking: float) -> float:
     """Return the s that it takes from `state` on, as if the object obeyed: to walk behind it, and to push it `left` m.
 
     Args:
@@ -205,7 +206,7 @@ def _rest(state: Array, manoeuvre: Array, left: float, reach: float, settings: A
     time = walk + left / (_PROGRESS * settings[SPEED_FULL])
     # Who stands still at the end has run into the corridor's edge: that is no place to wait.
     if state[RVX] * state[RVX] + state[RVY] * state[RVY] < _STILL * _STILL:
-        time += _BLOCKED
+        time += _NO_WAY if walking == 1.0 else _BLOCKED
     return time
 
 
@@ -273,7 +274,7 @@ def rollout(
     # What is still to be turned is like a way to be pushed; the nearer to the goal, the less is it left for later.
     left += _ASKEW * askew * _TURN_FROM / max(left, _TURN_FROM)
     # Near the edge the robot cannot stand where it would have to.
-    return cost + _rest(state, manoeuvre, left, reach, settings) + _SHORT * max(0.0, needed - depth)
+    return cost + _rest(state, manoeuvre, left, reach, settings, walking) + _SHORT * max(0.0, needed - depth)
 
 
 @njit(

@@ -15,7 +15,7 @@ from services.geometry.wire import polyline
 from services.predictive import plan
 from services.predictive.estimate import Track
 from services.predictive.law import MANOEUVRE, TARGET_X, TARGET_Y
-from services.predictive.model import ANISOTROPY, X, Y
+from services.predictive.model import ANISOTROPY, RVX, RVY, X, Y
 from services.predictive.situation import SPACING, Lane
 from services.strategy.config import PredictiveConfig
 
@@ -28,6 +28,7 @@ _BEGUN = 1.2
 _IDLE = 8.0
 _WHIM = 0.7
 _WILDEST = 10.0
+_STANDING = 0.02
 _MOVED = 0.03
 _PAIRS = 24
 _VARIANTS = 36
@@ -169,9 +170,13 @@ def _whims(state: PlannerState, start: Array, count: int, now: int) -> Array:
     idle = 1e-9 * (now - state.since) - _IDLE
     if idle <= 0.0:
         return np.zeros(count)
-    if now - state.chosen < nanoseconds(_COMMITTED):
+    moving = math.hypot(start[RVX], start[RVY]) > _STANDING
+    if moving and now - state.chosen < nanoseconds(_COMMITTED):
         kept = np.full(count, _DISAPPOINTED)
         kept[-1] = 0.0
         return kept
     state.chosen = now
-    return min(_WHIM * idle, _WILDEST) * state.generator.uniform(size=count)
+    drawn = min(_WHIM * idle, _WILDEST) * state.generator.uniform(size=count)
+    # What is near to what has led nowhere leads there too.
+    drawn[-1 - _VARIANTS :] += _DISAPPOINTED
+    return drawn
