@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import zenoh
+from google.protobuf.message import DecodeError
 
 from experiments.session import NODES, Session, prepare
 from runtime.bus import envelope
@@ -54,9 +55,11 @@ class System:
         raise AssertionError("nobody answered push/goal")
 
     def status(self) -> PushStatus:
-        """Return the newest push status."""
-        samples = self.heard.get("push/status", [])
-        return PushStatus.FromString(samples[-1].payload) if samples else PushStatus()
+        """Return the newest push status; what is none, as tests of garbage send it, is passed over."""
+        for sample in reversed(self.heard.get("push/status", [])):
+            with suppress(DecodeError):
+                return PushStatus.FromString(sample.payload)
+        return PushStatus()
 
     def truths(self) -> list[Truth]:
         """Return the truth so far."""
