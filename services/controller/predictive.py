@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from runtime.messages import PushPlan
 from services.geometry.corridor import CorridorGeometry
+from services.predictive import candidates
 from services.predictive import plan as planning
 from services.predictive.law import MANOEUVRE, inside, kept_margin, turning, wish
 from services.predictive.model import ACCELERATION, X, Y
@@ -27,10 +28,10 @@ def command(
     settings = np.zeros(planning.SETTINGS)
     settings[planning.SPEED_FULL], settings[planning.APPROACH] = plan.speed_full, plan.approach
     settings[planning.SLOWEST], settings[planning.SPEED_WALK] = plan.slowest, plan.speed_walk
-    row = np.zeros(planning.CANDIDATE)
-    row[[planning.AHEAD, planning.BIAS_OF, planning.SPEED_OF]] = plan.ahead, plan.bias, plan.speed
-    row[planning.SIDE_OF] = plan.side
-    row[[planning.BODY_OF, planning.STAND_OF, planning.LEAN_OF]] = plan.body, plan.stand, plan.lean
+    row = np.zeros(candidates.CANDIDATE)
+    row[[candidates.AHEAD, candidates.BIAS_OF, candidates.SPEED_OF]] = plan.ahead, plan.bias, plan.speed
+    row[candidates.SIDE_OF] = plan.side
+    row[[candidates.BODY_OF, candidates.STAND_OF, candidates.LEAN_OF]] = plan.body, plan.stand, plan.lean
     index = lane.nearest(state[X], state[Y])
     manoeuvre = np.empty(MANOEUVRE)
     planning.manoeuvre_of(lane.path, lane.width, SPACING, index, state, row, settings, manoeuvre)

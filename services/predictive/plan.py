@@ -1,8 +1,8 @@
 """Short-horizon planning: rolls candidates out in the forward model and takes the cheapest.
 
-A candidate is a closed loop: where on the path the object is to be pushed next, the bias of the bearing, the speed, the
-way around, or a place of the body to push at first. The object's and the robot's depth in the corridor are part of the
-cost, so that what leaves the corridor never wins while something else does not.
+A candidate (`candidates`) is a closed loop: where on the path the object is to be pushed next, the bias of the bearing,
+the speed, the way around, or a place of the body to push at first. The object's and the robot's depth in the corridor
+are part of the cost, so that what leaves the corridor never wins while something else does not.
 """
 
 from __future__ import annotations
@@ -15,6 +15,18 @@ from numpy.typing import NDArray
 
 from services.geometry.angles import wrapped
 from services.geometry.field import lookup
+from services.predictive.candidates import (
+    AFTER,
+    AFTER_LEAN,
+    AFTER_STAND,
+    AHEAD,
+    BIAS_OF,
+    BODY_OF,
+    LEAN_OF,
+    SIDE_OF,
+    SPEED_OF,
+    STAND_OF,
+)
 from services.predictive.law import (
     BIAS,
     BODY,
@@ -31,7 +43,7 @@ from services.predictive.law import (
     turning,
     wish,
 )
-from services.predictive.model import ACCELERATION, RVX, RVY, RX, RY, VX, VY, YAW, X, Y, step
+from services.predictive.model import ACCELERATION, OMEGA, RVX, RVY, RX, RY, VX, VY, YAW, X, Y, step
 
 Array = NDArray[np.float64]
 
@@ -39,93 +51,47 @@ STEP, COARSE, FINE = 0.05, 0.1, 1.0
 """s between the steps of a rollout, at first and later; s that they are fine for."""
 SHOWN = 4
 """Every so-many-th step is in a PushPlan."""
-AHEAD, BIAS_OF, SPEED_OF, SIDE_OF, BODY_OF, STAND_OF, LEAN_OF, AFTER, AFTER_STAND, AFTER_LEAN, CANDIDATE = range(11)
-"""Places in a candidate: m along the path to its target, rad, share of the full speed, way around; s to push at a
-place of the body first, its bearing, rad, object's frame, and the push's direction from the centre's, rad; the same of
-a second such push."""
 
 HORIZON, SPEED_FULL, APPROACH, SLOWEST, MARGIN, PRECISION, SPEED_WALK, GOAL_YAW, TURNED, SETTINGS = range(10)
 """Places in the settings: s; m/s; m/s^2 of the approach to the goal; m/s; m kept from the edge; m; m/s around
 the object; rad, wanted orientation; rad, to within which, pi where any will do."""
 
 _OUT = 60.0
+"""what a second outside costs, s"""
 _NEAR_EDGE = 40.0
-_PROGRESS = 0.8
+"""what a second near the edge costs, s/m^2"""
+_CAREFUL, _RISK = 0.2, 15.0
+"""m from the edge, and s/m^2: what it costs to push outward there"""
 _ROOM = 0.04
-_BODY = 0.8
-_STILL = 0.04
-_CHANGE = 0.1
-_BLOCKED = 4.0
-_NO_WAY = 15.0
-_CAREFUL = 0.2
-_RISK = 15.0
-_PUSHED = 4.0
-_LONGEST = 12.0
-_ASIDE = 1.5
+"""m between object, robot and edge that the robot needs to come around"""
 _SHORT = 30.0
+"""s/m of that room lacking at the end"""
+_PROGRESS = 0.8
+"""share of the full speed that pushes make good"""
 _GAINED = 0.7
-_ASKEW = 2.0
-_TURN_FROM = 0.8
-_AT_REST = 0.05
+"""s that a second of a rollout can save at most, nearly"""
+_PUSHED = 4.0
+"""s of pushing that a rollout goes on for at least"""
+_LONGEST = 12.0
+"""s"""
+_ASIDE = 1.5
+"""m to push for each m beside the path"""
+_STILL = 0.04
+"""m/s of a robot that stands"""
+_BLOCKED, _NO_WAY = 4.0, 15.0
+"""s: where the robot stands at the end, pushing and walking"""
+_CHANGE = 0.1
+"""s that a change of the plan costs"""
+_TIRED, _ON_THE_WAY = 0.5, 2.0
+"""s more that it costs, pushing and walking"""
+_ASKEW, _TURN_FROM = 2.0, 0.8
+"""m to push for each rad to turn, and m before the goal from which that grows"""
+_AT_REST, _UNTURNED = 0.04, 0.2
+"""m/s and rad/s below which an object is at rest"""
 _IN_VAIN = 1000.0
-_LOOK = 0.4
-_WIDE = 0.4
-_SLOW = 0.5
-
-
-def candidates() -> Array:
-    """Return the candidates, (N, CANDIDATE)."""
-    rows: list[tuple[float, ...]] = [(0.1, 0.0, 0.0, 0.0)]  # wait: what is at the goal and still moves is to rest
-    for ahead in (0.1, 0.3, 0.6, 1.0):
-        rows += [(ahead, bias, 1.0, 0.0) for bias in (0.0, -0.25, 0.25, -0.55, 0.55)]
-        rows.append((ahead, 0.0, 0.5, 0.0))
-        for side in (-1.0, 1.0):
-            rows.append((ahead, 0.0, 1.0, side))
-            rows.append((ahead, 0.5 * side, 1.0, side))
-    rows = [(*row, *[0.0] * 6) for row in rows]
-    for stand in np.arange(12) * math.pi / 6:
-        rows += [(0.3, 0.0, 0.7, 0.0, _BODY, float(stand), lean, *[0.0] * 3) for lean in (-0.5, 0.0, 0.5)]
-    return np.array(rows)
-
-
-def pairs(count: int, generator: np.random.Generator) -> Array:
-    """Return `count` candidates, (count, CANDIDATE), of two pushes at places of the body, drawn evenly.
-
-    Wheels are turned with the first, so that the second is along them: no single push does that.
-    """
-    rows = np.zeros((count, CANDIDATE))
-    rows[:, [AHEAD, SPEED_OF]] = 0.3, 1.0
-    rows[:, [STAND_OF, AFTER_STAND]] = generator.uniform(-math.pi, math.pi, (count, 2))
-    rows[:, [LEAN_OF, AFTER_LEAN]] = generator.uniform(-0.6, 0.6, (count, 2))
-    rows[:, [BODY_OF, AFTER]] = generator.uniform(0.4, 2.4, (count, 2))
-    return rows
-
-
-def pushed(candidate: Array, time: float) -> Array:
-    """Return what is left of a candidate, (CANDIDATE,), after `time`, s, of pushing."""
-    left = candidate.copy()
-    left[BODY_OF] -= time
-    if left[BODY_OF] <= 0.0:
-        left[[BODY_OF, STAND_OF, LEAN_OF]] = left[[AFTER, AFTER_STAND, AFTER_LEAN]]
-        left[[AFTER, AFTER_STAND, AFTER_LEAN]] = 0.0
-    return left
-
-
-def variants(candidate: Array, count: int, generator: np.random.Generator) -> Array:
-    """Return `count` candidates, (count, CANDIDATE), that differ little from `candidate`, drawn normally."""
-    rows = np.tile(candidate, (count, 1))
-    draws = generator.standard_normal((count, 8))
-    rows[:, AHEAD] = np.clip(rows[:, AHEAD] * np.exp(0.4 * draws[:, 0]), 0.05, 1.5)
-    rows[:, BIAS_OF] = np.clip(rows[:, BIAS_OF] + 0.15 * draws[:, 1], -0.7, 0.7)
-    if candidate[BODY_OF] > 0.0:
-        rows[:, STAND_OF] += 0.15 * draws[:, 2]
-        rows[:, LEAN_OF] = np.clip(rows[:, LEAN_OF] + 0.15 * draws[:, 3], -0.7, 0.7)
-        rows[:, BODY_OF] = np.clip(rows[:, BODY_OF] + 0.3 * draws[:, 4], 0.1, 2.5)
-    if candidate[AFTER] > 0.0:
-        rows[:, AFTER_STAND] += 0.2 * draws[:, 5]
-        rows[:, AFTER_LEAN] = np.clip(rows[:, AFTER_LEAN] + 0.2 * draws[:, 6], -0.7, 0.7)
-        rows[:, AFTER] = np.clip(rows[:, AFTER] + 0.3 * draws[:, 7], 0.1, 2.5)
-    return rows
+"""s: to wait where nothing comes of it"""
+_LOOK, _WIDE, _SLOW = 0.4, 0.4, 0.5
+"""m of the path ahead that are looked at; m, half width below which it goes slower; the least share of the speed"""
 
 
 @njit("i8(f8[:,::1],i8,f8,f8)", cache=True)
@@ -160,7 +126,9 @@ def manoeuvre_of(
     braked = math.sqrt(2.0 * settings[APPROACH] * left)
     out[BIAS] = candidate[BIAS_OF]
     # What goes wrong in a narrow place is over before it is seen, unless it goes slowly.
-    room = min(width[index], width[min(index + int(_LOOK / spacing), last)])
+    room = width[index]
+    for i in range(index, min(index + int(_LOOK / spacing), last) + 1):
+        room = min(room, width[i])
     full = settings[SPEED_FULL] * min(1.0, max(_SLOW, room / _WIDE))
     out[SPEED] = max(settings[SLOWEST], min(candidate[SPEED_OF] * full, braked))
     out[SIDE] = candidate[SIDE_OF]
@@ -232,7 +200,7 @@ def rollout(
     pushed, askew = 0.0, 0.0
     enough = max(_PUSHED, candidate[BODY_OF] + candidate[AFTER] + 1.0)
     reach = contour.mean()
-    time, dt = 0.0, STEP
+    time = 0.0
     for k in range(steps):
         # Who walks first is judged by pushing as well: else the best push would be one that is never begun.
         if time > settings[HORIZON] - 1e-6 and pushed > enough - 1e-6:
@@ -260,6 +228,7 @@ def rollout(
         gx, gy = state[X] - path[last, 0], state[Y] - path[last, 1]
         askew = max(0.0, abs(wrapped(state[YAW] - settings[GOAL_YAW])) - settings[TURNED])
         there = gx * gx + gy * gy < settings[PRECISION] * settings[PRECISION] and askew == 0.0
+        there = there and (settings[TURNED] >= math.pi or abs(state[OMEGA]) < _UNTURNED)
         if there and state[VX] * state[VX] + state[VY] * state[VY] < _AT_REST * _AT_REST:
             return cost
         depth = lookup(values, x0, y0, resolution, state[X], state[Y])
@@ -305,7 +274,7 @@ def choose(
         ) + whims[i]  # fmt: skip
         if i == favourite:
             # On the way around, half-heartedness costs most: what is begun is finished unless much is to be gained.
-            cost -= (2.0 if walking == 1.0 else 0.5) + _CHANGE
+            cost -= (_ON_THE_WAY if walking == 1.0 else _TIRED) + _CHANGE
         if cost < cheapest:
             best, cheapest = i, cost
     return float(best), cheapest

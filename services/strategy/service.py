@@ -86,7 +86,7 @@ class StrategyService(Service):
         planner = self.state.planner
         if self.robot is not None:
             planner.track.commanded(command, self.robot.pose.theta)
-        planner.walking = float(command.psi_relocate > 0.5)
+        planner.walking, planner.pushing = float(command.psi_relocate > 0.5), command.psi_push > 0.5
 
     @on(object)
     def choose(self, object: ObjectState, now: Time) -> Effects:
@@ -119,7 +119,8 @@ class StrategyService(Service):
             return
         state, planner = self.state, self.state.planner
         if state.goal_id != goal.id:
-            state.goal_id, planner.favourite, planner.rolls, planner.since = goal.id, [], False, now
+            state.goal_id, planner.favourite, planner.rolls = goal.id, [], False
+            planner.since = planner.planned = now
         base = base_of(self.status)
         contour, response = known(self.response, corridor.robot_diameter, object.diameter)
         o = vector(object.position)

@@ -7,6 +7,9 @@ from msgspec import Meta
 
 from services.names import CONTROLLERS, STRATEGIES
 
+YAW_PRECISION = (0.05, 3.15)
+"""rad, least and largest precision of an orientation: below the first, a tracker's noise of 2 degrees decides"""
+
 
 class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Settings of the task service (Sec. 6.2). What a goal leaves open is taken from here."""
@@ -15,7 +18,12 @@ class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     controller: Annotated[str, Meta(description="of goals that name none")] = "adaptive"
     precision: Annotated[float, Meta(gt=0, le=5, description="m, of goals that state none")] = 0.1
     yaw_precision: Annotated[
-        float, Meta(gt=0, le=3.15, description="rad, of goals that ask for an orientation and state no precision of it")
+        float,
+        Meta(
+            ge=YAW_PRECISION[0],
+            le=YAW_PRECISION[1],
+            description="rad, of goals that ask for an orientation and state no precision of it",
+        ),
     ] = 0.2618
     confirmations: Annotated[
         int, Meta(ge=1, le=100, description="object states in a row within the precision that make a delivery")
@@ -29,7 +37,10 @@ class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             "strategy, which can wait for what still moves",
         ),
     ] = 0.4
-    rest_speed: Annotated[float, Meta(gt=0, le=2, description="m/s below which an object counts as at rest")] = 0.06
+    rest_speed: Annotated[float, Meta(gt=0, le=2, description="m/s below which an object counts as at rest")] = 0.04
+    rest_turn: Annotated[
+        float, Meta(gt=0, le=10, description="rad/s below which it does, where an orientation is wanted")
+    ] = 0.2
     time_limit: Annotated[float, Meta(gt=0, le=36000, description="s, of goals that state none")] = 400.0
     violation_tolerance: Annotated[
         float,

@@ -26,12 +26,12 @@ from services.geometry.angles import difference
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry, vector
 from services.names import CONTROLLERS, STRATEGIES
-from services.task.config import TaskConfig
+from services.task.arrival import Arrival
+from services.task.config import YAW_PRECISION, TaskConfig
 from services.task.progress import Progress
 
 _MIN_PRECISION = 0.005
 _MAX_COORDINATE = 1e4
-_MIN_YAW_PRECISION = 0.02
 
 
 @dataclass
@@ -43,10 +43,11 @@ class TaskState:
         accepted: when, ns.
         status: as published last.
         seen: when the object was last seen or predicted, ns.
-        best, turned: m along Q and rad, the least distance to go and the least turn left that counted as progress;
-            since: when, ns.
+        oriented: when its orientation was last seen, ns.
+        best, turned: m along Q and rad, the distance to go and the turn left when there was progress last; since: when,
+            ns.
         within: object states in a row that were within the precision.
-        there: stamps, s, and positions of the newest of them: (s, x, y).
+        arrival: where the object was lately.
     """
 
     goal: PushGoal = field(default_factory=PushGoal)
@@ -54,11 +55,12 @@ class TaskState:
     status: PushStatus = field(default_factory=PushStatus)
     progress: Progress = field(default_factory=Progress)
     seen: Time = 0
+    oriented: Time = 0
     best: float = math.inf
     turned: float = math.inf
     since: Time = 0
     within: int = 0
-    there: list[tuple[float, float, float]] = field(default_factory=list)
+    arrival: Arrival = field(default_factory=Arrival)
 
 
 class TaskService(Service):
@@ -106,7 +108,7 @@ class TaskService(Service):
         goal.time_limit = request.time_limit or self.config.time_limit
         if goal.HasField("yaw"):
             goal.yaw_precision = request.yaw_precision or self.config.yaw_precision
-        self.state = TaskState(goal=goal, accepted=now, seen=now)
+        self.state = TaskState(goal=goal, accepted=now, seen=now, oriented=now)
         self.state.status.CopyFrom(PushStatus(goal_id=goal.id, phase=PushPhase.PLANNING))
         if self.object is not None:
             o, g = self.object.position, goal.position
@@ -149,28 +151,25 @@ class TaskService(Service):
         """Follow the object: delivered, out of the corridor, lost, or on its way."""
         if not self.state.goal.active:
             return
-        goal, status = self.state.goal, self.state.status
+        status = self.state.status
         if object.visibility == Visibility.LOST:
+            self.state.arrival = Arrival()
             if status.phase == PushPhase.PUSHING:
                 status.phase = PushPhase.WAITING
                 yield self.say("object lost from view", now, "WARNING")
                 yield self._report(now)
             return
         self.state.seen = now
+        if object.HasField("yaw"):
+            self.state.oriented = now
         if status.phase == PushPhase.WAITING:
             status.phase = PushPhase.PUSHING
             yield self.say("object seen again", now)
         if self.robot is None or self._geometry is None or status.phase != PushPhase.PUSHING:
             return
         self._measure(self._geometry, self.robot, object, now)
-        # Noise must not decide: within the precision is what is so by two standard deviations, several times.
-        doubt = 2.0 * math.sqrt(max(object.covariance[0], object.covariance[3])) if object.covariance else 0.0
-        within = status.distance_left + doubt <= goal.precision
-        if goal.HasField("yaw"):
-            doubt = 2.0 * math.sqrt(object.yaw_variance)
-            within = within and object.HasField("yaw") and status.yaw_left + doubt <= goal.yaw_precision
-        self.state.within = self.state.within + 1 if within else 0
-        if self.state.within >= self.config.confirmations and self._rested(object):
+        self.state.within = self.state.within + 1 if self._arrived(object) else 0
+        if self.state.within >= self.config.confirmations:
             yield from self._end(PushOutcome.DELIVERED, FailureCause.CAUSE_NONE, "", now)
             return
         cause = self._failure(now)
@@ -203,8 +202,8 @@ class TaskService(Service):
     def _refusal_of_yaw(self, request: PushGoal) -> str:
         if not request.HasField("yaw"):
             return "yaw_precision is of no use without yaw" if request.yaw_precision else ""
-        if request.yaw_precision and not _MIN_YAW_PRECISION <= request.yaw_precision <= math.pi:
-            return f"yaw_precision {request.yaw_precision} rad is not from {_MIN_YAW_PRECISION} to pi"
+        if request.yaw_precision and not YAW_PRECISION[0] <= request.yaw_precision <= YAW_PRECISION[1]:
+            return f"yaw_precision {request.yaw_precision} rad is not from {YAW_PRECISION[0]} to {YAW_PRECISION[1]}"
         strategy = request.strategy or self.config.strategy
         if strategy != "predictive":
             return f"strategy '{strategy}' does not turn objects to an orientation; expected 'predictive'"
@@ -220,32 +219,50 @@ class TaskService(Service):
         if state.goal.HasField("yaw") and object.HasField("yaw"):
             status.yaw_left = abs(difference(object.yaw, state.goal.yaw))
             if status.yaw_left <= state.turned - config.stall_turn:
-                state.turned, state.since = status.yaw_left, now
-                state.progress.progressed()
+                self._progressed(state.best, now)
         status.robot_path_length = state.progress.robot_length
         status.object_path_length = state.progress.object_length
         status.robot_violations += corridor.field.value(r[0], r[1]) < -config.violation_tolerance
         status.object_violations += corridor.field.value(o[0], o[1]) < -config.violation_tolerance
         to_go = corridor.distance_to_go(o)
         if to_go <= state.best - config.stall_progress:
-            state.best, state.since = to_go, now
-            state.progress.progressed()
+            self._progressed(to_go, now)
 
-    def _rested(self, object: ObjectState) -> bool:
-        """Return whether the object, within the precision, has come to rest there, as far as its strategy can wait."""
-        state, config = self.state, self.config
-        if state.goal.strategy != "predictive":
-            return True
-        if state.within <= config.confirmations:
-            state.there = []
-        time = seconds(object.stamp)
-        state.there = [one for one in state.there if one[0] > time - 1.5 * config.rest]
-        state.there.append((time, object.position.x, object.position.y))
-        t, x, y = np.array(state.there).T
-        if t[-1] - t[0] < config.rest:
+    def _progressed(self, best: float, now: Time) -> None:
+        """Note progress: `best` is to go, m. To turn again what was turned away on the way counts as well."""
+        state = self.state
+        state.best, state.since = best, now
+        if state.status.HasField("yaw_left"):
+            state.turned = state.status.yaw_left
+        state.progress.progressed()
+
+    def _arrived(self, object: ObjectState) -> bool:
+        """Tell whether the object is within the precision by two standard deviations: noise must not decide.
+
+        With a strategy that can wait it is to be at rest there as well; then all that was seen of it at rest counts.
+        """
+        goal, status, config = self.state.goal, self.state.status, self.config
+        turned = goal.HasField("yaw")
+        if turned and not object.HasField("yaw"):
+            self.state.arrival = Arrival()
             return False
-        t = t - t.mean()
-        return math.hypot(t @ x, t @ y) < config.rest_speed * float(t @ t)
+        left, yaw_left, count = status.distance_left, status.yaw_left, 1
+        variance = max(object.covariance[0], object.covariance[3]) if object.covariance else 0.0
+        if goal.strategy == "predictive":
+            arrival = self.state.arrival
+            rest = max(config.rest, arrival.needed(variance, config.rest_speed))
+            arrival.add(object, rest)
+            if not arrival.covers(rest):
+                return False
+            speed, turning = arrival.speed()
+            if speed > config.rest_speed or (turned and turning > config.rest_turn):
+                return False
+            x, y, yaw = arrival.mean()
+            left, count = math.hypot(goal.position.x - x, goal.position.y - y), len(arrival.seen)
+            yaw_left = abs(difference(yaw, goal.yaw))
+        if left + 2.0 * math.sqrt(variance / count) > goal.precision:
+            return False
+        return not turned or yaw_left + 2.0 * math.sqrt(object.yaw_variance / count) <= goal.yaw_precision
 
     def _failure(self, now: Time) -> FailureCause:
         """Return why the push has failed, or none while it has not."""
@@ -277,6 +294,9 @@ class TaskService(Service):
         elapsed = seconds(now - self.state.accepted)
         if seconds(now - self.state.seen) > config.lost_after:
             reason = f"the object was not seen for {config.lost_after:g} s"
+            yield from self._end(PushOutcome.FAILED, FailureCause.OBJECT_LOST, reason, now)
+        elif self.state.goal.HasField("yaw") and seconds(now - self.state.oriented) > config.lost_after:
+            reason = f"the object's orientation was not seen for {config.lost_after:g} s"
             yield from self._end(PushOutcome.FAILED, FailureCause.OBJECT_LOST, reason, now)
         elif status.phase == PushPhase.PLANNING and elapsed > config.planning_limit:
             reason = f"no corridor within {config.planning_limit:g} s"

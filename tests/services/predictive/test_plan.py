@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.geometry.field import Field
+from services.predictive import candidates, law, plan
 from services.predictive import model as m
-from services.predictive import plan
 
 PATH = np.column_stack([np.arange(0.0, 4.01, 0.05), np.zeros(81)])
 WIDTH = np.full(81, 0.7)
@@ -22,9 +22,9 @@ RESPONSE = m.prior_response(0.4)
 
 
 def two_pushes(first: float, second: float) -> plan.Array:
-    candidate = np.zeros(plan.CANDIDATE)
-    candidate[[plan.BODY_OF, plan.STAND_OF, plan.LEAN_OF]] = first, 1.0, 0.1
-    candidate[[plan.AFTER, plan.AFTER_STAND, plan.AFTER_LEAN]] = second, 2.0, 0.2
+    candidate = np.zeros(candidates.CANDIDATE)
+    candidate[[candidates.BODY_OF, candidates.STAND_OF, candidates.LEAN_OF]] = first, 1.0, 0.1
+    candidate[[candidates.AFTER, candidates.AFTER_STAND, candidates.AFTER_LEAN]] = second, 2.0, 0.2
     return candidate
 
 
@@ -33,34 +33,34 @@ def test_pushes_follow_each_other_as_time_passes(first: float, second: float, ti
     left = two_pushes(first, second)
     passed = 0.0
     for tick in ticks:
-        left = plan.pushed(left, tick)
+        left = candidates.pushed(left, tick)
         passed += tick
         longest = max(ticks)
         if passed < first - 1e-9:
-            assert left[plan.STAND_OF] == 1.0 and left[plan.BODY_OF] == pytest.approx(first - passed)
+            assert left[candidates.STAND_OF] == 1.0 and left[candidates.BODY_OF] == pytest.approx(first - passed)
         # A push ends with a tick: up to one of them late.
         if first + longest + 1e-9 < passed < first + second:
-            assert left[plan.STAND_OF] == 2.0 and 0.0 < left[plan.BODY_OF] <= second
+            assert left[candidates.STAND_OF] == 2.0 and 0.0 < left[candidates.BODY_OF] <= second
         if passed > first + second + 2 * longest:
-            assert left[plan.BODY_OF] <= 0.0
-    assert (left[[plan.BODY_OF, plan.AFTER]] >= 0.0).all()
+            assert left[candidates.BODY_OF] <= 0.0
+    assert (left[[candidates.BODY_OF, candidates.AFTER]] >= 0.0).all()
 
 
 def test_variants_are_near_and_within_bounds() -> None:
     generator = np.random.Generator(np.random.PCG64(3))
     candidate = two_pushes(1.0, 1.0)
-    candidate[[plan.AHEAD, plan.SPEED_OF]] = 0.3, 0.7
-    found = plan.variants(candidate, 4000, generator)
+    candidate[[candidates.AHEAD, candidates.SPEED_OF]] = 0.3, 0.7
+    found = candidates.variants(candidate, 4000, generator)
     # 4000 draws: the mean of each to within five standard errors.
-    for place, deviation in ((plan.STAND_OF, 0.15), (plan.AFTER_STAND, 0.2), (plan.BIAS_OF, 0.15)):
+    for place, deviation in ((candidates.STAND_OF, 0.15), (candidates.AFTER_STAND, 0.2), (candidates.BIAS_OF, 0.15)):
         assert found[:, place].mean() == pytest.approx(candidate[place], abs=5 * deviation / math.sqrt(4000))
         assert found[:, place].std() == pytest.approx(deviation, rel=0.1)
-    assert (found[:, plan.SPEED_OF] == 0.7).all()
-    assert found[:, plan.AHEAD].min() >= 0.05 and found[:, plan.BODY_OF].min() > 0.0
-    plain = np.zeros(plan.CANDIDATE)
-    plain[[plan.AHEAD, plan.SPEED_OF]] = 0.3, 1.0
-    found = plan.variants(plain, 50, generator)
-    assert not found[:, plan.BODY_OF :].any(), "a candidate that is one push stays one"
+    assert (found[:, candidates.SPEED_OF] == 0.7).all()
+    assert found[:, candidates.AHEAD].min() >= 0.05 and found[:, candidates.BODY_OF].min() > 0.0
+    plain = np.zeros(candidates.CANDIDATE)
+    plain[[candidates.AHEAD, candidates.SPEED_OF]] = 0.3, 1.0
+    found = candidates.variants(plain, 50, generator)
+    assert not found[:, candidates.BODY_OF :].any(), "a candidate that is one push stays one"
 
 
 def situation(generator: np.random.Generator) -> plan.Array:
@@ -91,7 +91,7 @@ def cost_of(state: plan.Array, row: plan.Array, settings: plan.Array) -> float:
 def test_what_is_given_up_early_would_not_have_been_cheaper() -> None:
     """The bound is a guess of what the rest of a rollout can save: the oracle rolls every candidate out to its end."""
     generator = np.random.Generator(np.random.PCG64(5))
-    rows, settings = plan.candidates(), settings_()
+    rows, settings = candidates.candidates(), settings_()
     dearer = []
     for _ in range(30):
         state = situation(generator)
@@ -121,7 +121,7 @@ def test_what_is_given_up_early_would_not_have_been_cheaper() -> None:
 
 def test_the_favourite_is_kept_unless_another_is_clearly_cheaper() -> None:
     generator = np.random.Generator(np.random.PCG64(6))
-    rows, settings = plan.candidates(), settings_()
+    rows, settings = candidates.candidates(), settings_()
     state = situation(generator)
     index = int(np.argmin(np.hypot(PATH[:, 0] - state[m.X], PATH[:, 1] - state[m.Y])))
     order = np.argsort([cost_of(state, row, settings) for row in rows])
@@ -146,22 +146,27 @@ def test_a_push_that_turns_the_object_as_wanted_is_the_cheaper_one() -> None:
         settings = settings_()
         settings[[plan.GOAL_YAW, plan.TURNED]] = wanted, 0.15
         for stand in (math.pi - 0.5, math.pi + 0.5):
-            row = np.zeros(plan.CANDIDATE)
-            row[[plan.AHEAD, plan.SPEED_OF]] = 0.3, 0.7
-            row[[plan.BODY_OF, plan.STAND_OF, plan.LEAN_OF]] = 2.0, stand, 0.6 if stand > math.pi else -0.6
+            row = np.zeros(candidates.CANDIDATE)
+            row[[candidates.AHEAD, candidates.SPEED_OF]] = 0.3, 0.7
+            row[[candidates.BODY_OF, candidates.STAND_OF, candidates.LEAN_OF]] = (
+                2.0,
+                stand,
+                0.6 if stand > math.pi else -0.6,
+            )
             costs[wanted, stand > math.pi] = cost_of(state, row, settings)
     # Mirrored situations, mirrored costs.
     assert costs[1.0, True] == pytest.approx(costs[-1.0, False], rel=1e-3)
     assert costs[1.0, False] == pytest.approx(costs[-1.0, True], rel=1e-3)
-    assert abs(costs[1.0, True] - costs[1.0, False]) > 1.0
+    # Pushed along +x at a side of its middle with y < 0, it turns to the left.
+    assert costs[1.0, True] < costs[1.0, False] - 1.0
 
 
 def test_to_wait_is_chosen_only_for_what_comes_to_rest_at_the_goal() -> None:
     """A thing that rolls 17 mm further by itself, to within the precision; pushed on, it is not at rest there."""
     settings, rolls = settings_(), RESPONSE.copy()
     rolls[m.COASTING] = 0.3
-    wait = next(row for row in plan.candidates() if row[plan.SPEED_OF] == 0.0)
-    rows = np.ascontiguousarray(np.stack([plan.candidates()[1], wait]))
+    wait = next(row for row in candidates.candidates() if row[candidates.SPEED_OF] == 0.0)
+    rows = np.ascontiguousarray(np.stack([candidates.candidates()[1], wait]))
     given = (BASE, CONTOUR, rolls, settings, PATH, WIDTH, 0.05)
     for x, index, chosen in ((3.985, 80, 1), (2.0, 40, 0)):
         state = np.zeros(m.STATE)
@@ -172,7 +177,7 @@ def test_to_wait_is_chosen_only_for_what_comes_to_rest_at_the_goal() -> None:
 
 def test_a_whim_is_paid_for_like_time() -> None:
     generator = np.random.Generator(np.random.PCG64(8))
-    rows, settings = plan.candidates()[:10], settings_()
+    rows, settings = candidates.candidates()[:10], settings_()
     state = situation(generator)
     index = int(np.argmin(np.hypot(PATH[:, 0] - state[m.X], PATH[:, 1] - state[m.Y])))
     given = (BASE, CONTOUR, RESPONSE, settings, PATH, WIDTH, 0.05, index, *FIELD.grid, -1)
@@ -181,3 +186,22 @@ def test_a_whim_is_paid_for_like_time() -> None:
     assert plan.choose(state, 0.0, rows, whims, *given) == (plain, pytest.approx(cost + 3.0))
     whims[int(plain)] = 1000.0
     assert plan.choose(state, 0.0, rows, whims, *given)[0] != plain
+
+
+def test_the_narrowest_place_of_the_next_steps_sets_the_speed() -> None:
+    """Full from 0.4 m of half width on, half from 0.2 m down, in between in proportion (docs/predictive)."""
+    state, settings, found = np.zeros(m.STATE), settings_(), {}
+    row = np.zeros(candidates.CANDIDATE)
+    row[[candidates.AHEAD, candidates.SPEED_OF]] = 0.3, 1.0
+    for narrow in (0.5, 0.3, 0.1):
+        for place in (20, 24, 28, 29):
+            width = np.full(81, 0.7)
+            width[place] = narrow
+            out = np.empty(law.MANOEUVRE)
+            plan.manoeuvre_of(PATH, width, 0.05, 20, state, row, settings, out)
+            found[narrow, place] = out[law.SPEED]
+    assert found == {
+        (narrow, place): pytest.approx(0.3 * (share if place < 29 else 1.0))
+        for narrow, share in ((0.5, 1.0), (0.3, 0.75), (0.1, 0.5))
+        for place in (20, 24, 28, 29)
+    }
