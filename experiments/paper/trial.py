@@ -42,6 +42,7 @@ class Outcome(Task, frozen=True, kw_only=True):
         to_go: m along Q from the object to the goal where the corridor was violated first, or at the end.
         turn: rad, most that the push direction differs there from one while the object was within REACH of there.
         steep: share of the push's targets at which that is STEEP or more: what chance would give.
+        turned: rad, true, from the wanted orientation at the end; None if none was wanted.
     """
 
     success: bool
@@ -56,6 +57,7 @@ class Outcome(Task, frozen=True, kw_only=True):
     to_go: float | None
     turn: float | None
     steep: float | None
+    turned: float | None = None
 
 
 class Whereabouts:
@@ -146,6 +148,7 @@ def attempt(task: Task, layers: Sequence[Layer]) -> Outcome:
         to_go=place[0] if place else None,
         turn=place[1] if place else None,
         steep=place[2] if place else None,
+        turned=score.turned,
     )
 
 

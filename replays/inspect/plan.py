@@ -153,15 +153,15 @@ def _draw_goals(canvas: Canvas, session: Session) -> None:
         rr.Points3D.from_fields(radii=[rr.Radius.ui_points(4.0)], labels=["goal"], show_labels=True),
     )
     canvas.columns("/map/goal/centre", track.times, rr.Points3D.columns(positions=raised(g, PLAN), colors=colours))
-    wanted = [k for k, m in enumerate(track.messages) if m.HasField("yaw")]
-    if wanted:
-        yaws = np.array([track.messages[k].yaw for k in wanted])
+    wanted = np.array([m.HasField("yaw") for m in track.messages])
+    if wanted.any():
+        yaws = np.array([m.yaw for m in track.messages])[wanted]
         ahead = ARROW_LENGTH * np.column_stack([np.cos(yaws), np.sin(yaws)])
-        canvas.fixed("/map/goal/orientation", rr.Arrows3D.from_fields(radii=[rr.Radius.ui_points(1.3)]))
-        canvas.columns(
-            "/map/goal/orientation",
-            track.times[wanted],
-            rr.Arrows3D.columns(
-                origins=raised(g[wanted], PLAN), vectors=raised(ahead, 0.0), colors=[colours[k] for k in wanted]
-            ),
+        arrows = rr.Arrows3D.columns(
+            origins=raised(g[wanted], PLAN),
+            vectors=raised(ahead, 0.0),
+            colors=[colour for colour, shown in zip(colours, wanted, strict=True) if shown],
         )
+        canvas.fixed("/map/goal/orientation", rr.Arrows3D.from_fields(radii=[rr.Radius.ui_points(1.3)]))
+        # A row for every goal, an empty one for those that want none: an arrow is not to outlive its goal.
+        canvas.columns("/map/goal/orientation", track.times, arrows.partition(wanted.astype(np.int64)))

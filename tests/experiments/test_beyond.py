@@ -137,15 +137,16 @@ def test_every_orientation_is_asked_of_every_object_in_every_scene() -> None:
 
 def test_orientations_are_told_by_object_and_by_wheels() -> None:
     trials = [
-        made("orientation", cases.yaw_name(45), object="dino", seed=1),
-        made("orientation", cases.yaw_name(90), object="cart", seed=2, success=False, cause="not turned"),
-        made("orientation", cases.yaw_name(90), object="dino", seed=3),
+        made("orientation", cases.yaw_name(45), object="dino", seed=1, turned=math.radians(4.0)),
+        made("orientation", cases.yaw_name(90), object="cart", seed=2, success=False, cause="not turned", turned=1.0),
+        made("orientation", cases.yaw_name(90), object="dino", seed=3, turned=math.radians(8.0)),
     ]
     things, _, yaws = tables.orientation(trials)
     rates = {row[1]: row[2] for row in things.rows}
     assert rates == {"dino": "2/2", "cart": "0/1", "no wheels": "2/2", "wheels": "0/1", "all": "2/3"}
     assert [row[1:3] for row in yaws.rows] == [("turned to 45 deg", "1/1"), ("turned to 90 deg", "1/2")]
-    assert things.rows[1][-1] == "not turned 1"
+    assert things.rows[1][-2] == "not turned 1"
+    assert [row[-1] for row in things.rows] == ["6.0", "-", "6.0", "-", "6.0"], "of what succeeded"
 
 
 def test_every_goal_has_seeds_of_its_own() -> None:

@@ -13,7 +13,16 @@ from replays.inspect import to_rrd
 from replays.inspect.expected import after
 from replays.inspect.response import DURATION, SPEED, answers
 from replays.inspect.session import read_session
-from runtime.messages import ObjectState, PushResponse, PushTarget, RobotStatus, Truth, Vector2, VelocityCommand
+from runtime.messages import (
+    ObjectState,
+    PushGoal,
+    PushResponse,
+    PushTarget,
+    RobotStatus,
+    Truth,
+    Vector2,
+    VelocityCommand,
+)
 from services.predictive import model as m
 from tests.figures import Figures
 from tests.replays.inspect.rrd import column
@@ -185,6 +194,23 @@ def test_plans_are_drawn_beside_what_came_at_the_times_they_mean(
     assert len(misses) > 5
     assert max(misses) < 0.03
     assert max(speeds) < 0.32  # no plan means more than the full speed, if its times are read rightly
+
+
+def test_the_arrow_of_a_wanted_orientation_ends_with_its_goal(tmp_path: Path) -> None:
+    goals = [
+        PushGoal(stamp=ns(1.0), id=1, position=Vector2(x=1.0, y=2.0), precision=0.1, active=True, yaw=math.pi / 2),
+        PushGoal(stamp=ns(2.0), id=2, position=Vector2(x=3.0, y=2.0), precision=0.1, active=True),
+        PushGoal(stamp=ns(3.0), id=3, position=Vector2(x=4.0, y=2.0), precision=0.1, active=True, yaw=math.pi),
+    ]
+    write_rows(tmp_path / "a.mcap", [(goal.stamp, "push/goal", goal) for goal in goals])
+    to_rrd(tmp_path / "a.mcap", tmp_path / "a.rrd")
+    times, origins = column(tmp_path / "a.rrd", "/map/goal/orientation", "Arrows3D:origins")
+    _, vectors = column(tmp_path / "a.rrd", "/map/goal/orientation", "Arrows3D:vectors")
+    assert times.tolist() == [ns(1.0), ns(2.0), ns(3.0)]
+    assert [len(row) for row in origins] == [1, 0, 1]
+    assert np.array(origins[2][0])[:2] == pytest.approx([4.0, 2.0])
+    lengths = [np.array(vectors[k][0])[:2] / np.linalg.norm(vectors[k][0]) for k in (0, 2)]
+    assert np.array(lengths) == pytest.approx(np.array([[0.0, 1.0], [-1.0, 0.0]]), abs=1e-6)
 
 
 def test_the_activation_is_left_out_where_it_is_not_used(predicted: Path, push: Path, tmp_path: Path) -> None:
