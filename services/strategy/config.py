@@ -16,9 +16,8 @@ class PredictiveConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     slowest: Annotated[float, Meta(gt=0, le=2, description="m/s, least speed of the approach")] = 0.06
     margin: Annotated[float, Meta(ge=0, le=1, description="m the robot keeps from the corridor's edge")] = 0.02
     horizon: Annotated[float, Meta(ge=2.5, le=20, description="s to look ahead")] = 7.0
-    caution: Annotated[
-        float, Meta(gt=0, le=1, description="share of the speed while the object is a stranger, or has wheels")
-    ] = 0.5
+    caution: Annotated[float, Meta(gt=0, le=1, description="share of the speed while the object is a stranger")] = 0.5
+    wheels: Annotated[float, Meta(gt=0, le=1, description="share of the speed where the object has wheels")] = 0.67
     acquainted: Annotated[int, Meta(ge=0, le=1000, description="observations of pushes that end the caution")] = 12
     lead: Annotated[float, Meta(ge=0, le=1, description="s from a plan to when it moves the base")] = 0.05
 

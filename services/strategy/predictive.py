@@ -29,7 +29,7 @@ from services.predictive.candidates import (
 )
 from services.predictive.estimate import Track
 from services.predictive.law import MANOEUVRE, TARGET_X, TARGET_Y
-from services.predictive.model import ANISOTROPY, RVX, RVY, YAW, X, Y
+from services.predictive.model import ANISOTROPY, RVX, RVY, VX, VY, YAW, X, Y
 from services.predictive.situation import SPACING, Lane
 from services.strategy.config import PredictiveConfig
 
@@ -57,8 +57,13 @@ _STANDING = 0.02
 """m/s of a robot that stands"""
 _MOVED = 0.03
 """m that an object moves, where it does"""
+_AT_REST = 0.04
+"""m/s of an object that lies"""
+_JUDGED = 1.5
+"""s that the task is given to judge whether what lies within the precision is delivered"""
 _PAIRS, _VARIANTS = 24, 36
 _CANDIDATES = candidates()
+_WAIT = _CANDIDATES[0]
 
 
 @dataclass
@@ -76,6 +81,7 @@ class PlannerState:
         anchor: where the object was when it moved last, m, m, rad; since: when, ns.
         tried: when a whim was followed last, ns.
         walked: when the robot last walked around the object, ns.
+        arrived: when the object was first seen to lie within the precision since it moved last, ns; 0: not yet.
         rolls: the object was taken to have wheels in this push.
     """
 
@@ -91,6 +97,7 @@ class PlannerState:
     since: int = 0
     tried: int = 0
     walked: int = 0
+    arrived: int = 0
     rolls: bool = False
 
 
@@ -119,13 +126,15 @@ def choose(
     settings = np.empty(plan.SETTINGS)
     # Slower while the object is a stranger, and with wheels, which roll on.
     state.rolls = state.rolls or bool(response[ANISOTROPY] > _WHEELS and windows >= config.acquainted)
-    speed = config.speed * (config.caution if state.rolls or windows < config.acquainted else 1.0)
-    approach = config.approach * (config.caution**2 if state.rolls else 1.0)
+    share = config.wheels if state.rolls else 1.0
+    speed = config.speed * min(share, config.caution if windows < config.acquainted else 1.0)
+    approach = config.approach * share**2
     settings[[plan.HORIZON, plan.SPEED_FULL, plan.APPROACH]] = config.horizon, speed, approach
     settings[[plan.SLOWEST, plan.MARGIN, plan.PRECISION]] = config.slowest, config.margin, _WITHIN * goal.precision
     settings[plan.SPEED_WALK] = config.speed
     settings[[plan.GOAL_YAW, plan.TURNED]] = 0.0, math.pi
-    if goal.HasField("yaw"):
+    turned = goal.HasField("yaw")
+    if turned:
         settings[[plan.GOAL_YAW, plan.TURNED]] = goal.yaw, _WITHIN * goal.yaw_precision
     index = lane.nearest(start[X], start[Y])
     where = corridor.field.grid
@@ -143,10 +152,15 @@ def choose(
         )  # fmt: skip
         return cost, trace
 
-    if held:
+    waits = _waits(state, start, goal, now)
+    if waits:
+        settings[[plan.PRECISION, plan.TURNED]] = goal.precision, goal.yaw_precision if turned else math.pi
+        row = _WAIT
+        cost, trace = rolled(row)
+    elif held:
         cost, trace = rolled(row)
         held = cost < state.promised + _DISAPPOINTED
-    if not held:
+    if not held and not waits:
         near = variants(row, _VARIANTS, state.generator)
         rows = np.concatenate([_CANDIDATES, pairs(_PAIRS, state.generator), near, row[None]])
         favourite = len(rows) - 1 if state.favourite else -1
@@ -204,6 +218,23 @@ def _follow(state: PlannerState, start: Array, contour: Array, goal: PushGoal, n
         turn = contour.mean() * difference(float(start[YAW]), state.anchor[2])
     if math.hypot(start[X] - state.anchor[0], start[Y] - state.anchor[1], turn) > _MOVED:
         state.anchor, state.since = [float(start[X]), float(start[Y]), float(start[YAW])], now
+
+
+def _waits(state: PlannerState, start: Array, goal: PushGoal, now: int) -> bool:
+    """Tell whether to wait for the task's judgement: who pushes on meanwhile pushes it out again.
+
+    Plans aim at less than the precision, and noise keeps the task from judging at once.
+    """
+    gx, gy = goal.position.x - start[X], goal.position.y - start[Y]
+    there = math.hypot(gx, gy) <= goal.precision and math.hypot(start[VX], start[VY]) < _AT_REST
+    if goal.HasField("yaw"):
+        there = there and abs(difference(float(start[YAW]), goal.yaw)) <= goal.yaw_precision
+    if state.since > state.arrived:
+        state.arrived = 0
+    if not there:
+        return False
+    state.arrived = state.arrived or now
+    return now - state.arrived < nanoseconds(_JUDGED)
 
 
 def _whims(state: PlannerState, start: Array, count: int, now: int) -> Array:

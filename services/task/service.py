@@ -258,7 +258,9 @@ class TaskService(Service):
             if speed > config.rest_speed or (turned and turning > config.rest_turn):
                 return False
             x, y, yaw = arrival.mean()
-            left, count = math.hypot(goal.position.x - x, goal.position.y - y), len(arrival.seen)
+            # The mean is of half the rest ago: what still creeps has gone on since.
+            left = math.hypot(goal.position.x - x, goal.position.y - y) + 0.5 * rest * speed
+            count = len(arrival.seen)
             yaw_left = abs(difference(yaw, goal.yaw))
         if left + 2.0 * math.sqrt(variance / count) > goal.precision:
             return False

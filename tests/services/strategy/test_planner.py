@@ -147,3 +147,20 @@ def test_what_is_tried_is_given_time_while_it_moves(speed: float, chosen: float,
 def test_whims_are_no_wilder_than_ten_seconds() -> None:
     assert 9.5 < whims(500.0, speed=0.0, chosen=9.0, tried=9.0)[:-37].max() <= 10.0
     assert math.isfinite(whims(1e6, speed=0.0, chosen=9.0, tried=9.0).sum())
+
+
+def test_what_lies_within_the_precision_is_left_to_the_task_for_a_while() -> None:
+    """At 40 mm of 50: plans aim at 30, and would push it. Noise may keep the task from judging: not for ever."""
+    state, speeds = PlannerState(), []
+    for k in range(60):
+        now = 10 * SECOND + k * SECOND // 20
+        see(state, now, x=3.96)
+        _, message = predictive.choose(
+            state, PredictiveConfig(), CORRIDOR, LANE, BASE, CONTOUR, RESPONSE, 50, GOAL, now
+        )  # fmt: skip
+        speeds.append(message.speed)
+    assert speeds[:30] == [0.0] * 30
+    assert speeds[30] > 0.0
+    see(state, 20 * SECOND, x=3.9)
+    predictive.choose(state, PredictiveConfig(), CORRIDOR, LANE, BASE, CONTOUR, RESPONSE, 50, GOAL, 20 * SECOND)
+    assert state.arrived == 0
