@@ -17,6 +17,7 @@ from runtime.errors import PushlaneError
 
 VERB_MODULES = (
     "experiments.cli",
+    "experiments.slam.cli",
     "replays.cli",
     "replays.experience",
     "runtime.cli.live",

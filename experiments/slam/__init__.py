@@ -1,0 +1,1 @@
+"""Mapping and localisation on laser logs made by others."""

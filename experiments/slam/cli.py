@@ -1,0 +1,93 @@
+"""`pushlane slam`: mapping and localisation on a laser log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from experiments.slam.logs import Log
+    from experiments.slam.metric import Agreement
+    from experiments.slam.whole import Mapped
+
+File = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A CARMEN log (.log, .log.gz), or .npz with ranges, odom, aperture.")
+]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where map.png and map.rrd go; none: nowhere.")
+]
+NumberOfParticles = Annotated[int, typer.Option("--particles", min=1, max=1000, help="Particles.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Of everything drawn.")]
+Scans = Annotated[int, typer.Option("--scans", min=0, help="Only so many, from the first on; 0: all.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb to `pushlane`."""
+    app.command(
+        name="slam",
+        help="Map a laser log made by others, as the mapping service would, and print how its trajectory agrees with "
+        "the log's own where it has one: errors of relative displacements (Kuemmerle et al. 2009).",
+    )(slam)
+
+
+def slam(
+    file: File, output: Output = None, particles: NumberOfParticles = 30, seed: Seed = 1, scans: Scans = 0
+) -> None:
+    """Map a log."""
+    from experiments.paper.running import shown  # heavy
+    from experiments.slam import whole
+    from experiments.slam.logs import read
+    from services.mapping.config import FilterConfig
+
+    log = read(file)
+    if scans:
+        log = log.cut(scans)
+    with shown("mapping", len(log.ranges)) as advance:
+        found = whole.run(log, FilterConfig(particles=particles, seed=seed), advance)
+    for line in _told(log, found):
+        typer.echo(line)
+    if output is not None:
+        output.mkdir(parents=True, exist_ok=True)
+        whole.picture(found, log.reference).savefig(output / "map.png")
+        whole.to_rerun(found, log.reference, output / "map.rrd")
+        typer.echo(f"{output / 'map.png'}, {output / 'map.rrd'}")
+
+
+def _told(log: Log, found: Mapped) -> list[str]:
+    import numpy as np
+
+    from experiments.slam.metric import agreement, revisits, successive
+
+    way = float(np.hypot(*np.diff(found.poses[:, :2], axis=0).T).sum())
+    median, late = np.percentile(1e3 * found.ticks, [50, 99])
+    lines = [
+        f"{len(log.ranges)} scans over {way:.0f} m; particles drawn anew {found.selections} times",
+        f"a scan takes {median:.0f} ms, p99 {late:.0f} ms; {found.tiles} tiles, {found.alone} if nothing were shared",
+    ]
+    if log.reference is None:
+        off = found.poses[-1] - found.poses[0]
+        raw = found.raw[-1] - found.raw[0]
+        return [
+            *lines,
+            f"from the first pose to the last {np.hypot(*off[:2]):.2f} m, by odometry {np.hypot(*raw[:2]):.2f} m; "
+            "the log has no trajectory to compare with",
+        ]
+    lines.append("errors of relative displacements against the log's own trajectory, mean and standard deviation:")
+    for name, pairs in (("revisits", revisits(log.reference)), ("successive scans", successive(len(log.ranges)))):
+        if not pairs:
+            lines.append(f"  {name}: none")
+            continue
+        for what, poses in (("found", found.poses), ("odometry", found.raw)):
+            lines.append(f"  {name}, {what}: {_error(agreement(poses, log.reference, pairs))}")
+    return lines
+
+
+def _error(one: Agreement) -> str:
+    from math import degrees
+
+    return (
+        f"{one.mean:.3f} +- {one.deviation:.3f} m, {degrees(one.mean_turn):.2f} +- {degrees(one.deviation_turn):.2f} "
+        f"degrees, {one.pairs} pairs"
+    )

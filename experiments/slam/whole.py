@@ -1,0 +1,127 @@
+"""Runs the filter over a log, and draws what came of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from experiments.slam.logs import Log
+from services.mapping.config import FilterConfig
+from services.mapping.filter import Noise, Particles, compose
+from services.mapping.grid import RESOLUTION
+from services.mapping.scan import Scan
+
+matplotlib.use("Agg")
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """What came of a log.
+
+    Attributes:
+        poses: (K, 3), of the particle with the largest weight at the end, all along its past.
+        raw: (K, 3), by odometry alone.
+        cells: (H, W), 0 free, 100 occupied, 255 unknown; corner: (2,), m, of the first.
+        ticks: (K,), s, that each scan took.
+        selections: how often particles were drawn anew.
+        tiles: that the maps of all particles take together; alone: that they would take without sharing.
+    """
+
+    poses: Array
+    raw: Array
+    cells: NDArray[np.uint8]
+    corner: Array
+    ticks: Array
+    selections: int
+    tiles: int
+    alone: int
+
+
+def run(log: Log, config: FilterConfig, advance: Callable[[], None]) -> Mapped:
+    """Map `log`; `advance` is called after each scan."""
+    particles = Particles.at(log.start, config.particles, config.seed)
+    noise = Noise()
+    past = np.zeros((config.particles, len(log.ranges), 3))
+    raw, ticks, selections = [log.start], [], 0
+    for k, (ranges, angles) in enumerate(zip(log.ranges, log.angles, strict=True)):
+        began = time.perf_counter()
+        scan = Scan.of(ranges, angles, log.mount, config.furthest, log.nothing)
+        if k:
+            raw.append(compose(raw[-1], log.steps[k]))
+            particles.move(log.steps[k], noise, scan)
+        particles.draw(scan, config.memory)
+        past[:, k] = particles.poses
+        chosen = particles.select() if k else None
+        if chosen is not None:
+            past = past[chosen]
+            selections += 1
+        ticks.append(time.perf_counter() - began)
+        advance()
+    cells, corner = particles.maps.picture(particles.best)
+    owners = particles.maps.owners
+    return Mapped(
+        past[particles.best], np.array(raw), cells, corner, np.array(ticks), selections,
+        int((owners > 0).sum()), int(owners.sum()),
+    )  # fmt: skip
+
+
+def picture(found: Mapped, reference: Array | None) -> Figure:
+    """Return the map with the trajectories on it."""
+    known = found.cells != 255
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    x0, y0 = found.corner
+    low, high = (x0 + columns[0] * RESOLUTION, y0 + rows[0] * RESOLUTION), (
+        x0 + (columns[-1] + 1) * RESOLUTION, y0 + (rows[-1] + 1) * RESOLUTION,
+    )  # fmt: skip
+    shown = found.cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    grey = np.choose(np.select([shown == 0, shown == 100], [0, 1], 2), [255, 0, 200]).astype(np.uint8)
+    width, height = high[0] - low[0], high[1] - low[1]
+    figure = Figure(figsize=(11.0, min(16.0, 1.0 + 11.0 * height / width)), dpi=100, layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(grey, origin="lower", cmap="gray", vmin=0, vmax=255, extent=(low[0], high[0], low[1], high[1]))
+    axes.plot(found.raw[:, 0], found.raw[:, 1], color="#d55e00", linewidth=0.8, label="odometry alone")
+    if reference is not None:
+        axes.plot(reference[:, 0], reference[:, 1], color="#009e73", linewidth=2.4, alpha=0.6, label="the log's own")
+    axes.plot(found.poses[:, 0], found.poses[:, 1], color="#0072b2", linewidth=1.0, label="found")
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x (m)", ylabel="y (m)", aspect="equal")
+    axes.legend(loc="upper right")
+    return figure
+
+
+def to_rerun(found: Mapped, reference: Array | None, file: Path) -> None:
+    """Write map and trajectories for Rerun."""
+    import rerun as rr  # heavy
+
+    with rr.RecordingStream("pushlane slam") as recording:
+        recording.save(str(file))
+        shade = np.select([found.cells == 0, found.cells == 100], [255, 0], 200).astype(np.uint8)
+        h, w = shade.shape
+        x0, y0 = found.corner
+        corners = np.array([[0, 0], [w, 0], [w, h], [0, h]]) * RESOLUTION + (x0, y0)
+        recording.log(
+            "map",
+            rr.Mesh3D(
+                vertex_positions=np.column_stack([corners, np.full(4, -0.01)]),
+                triangle_indices=[[0, 1, 2], [0, 2, 3]],
+                vertex_texcoords=[[0, 1], [1, 1], [1, 0], [0, 0]],
+                albedo_texture=np.repeat(shade[::-1, :, None], 3, axis=2),
+            ),
+            static=True,
+        )
+        lines = [("odometry", found.raw, (213, 94, 0)), ("found", found.poses, (0, 114, 178))]
+        lines += [] if reference is None else [("reference", reference, (0, 158, 115))]
+        for name, poses, colour in lines:
+            points = np.column_stack([poses[:, :2], np.zeros(len(poses))])
+            recording.log(f"trajectory/{name}", rr.LineStrips3D([points], colors=[colour]), static=True)
+        for k, pose in enumerate(found.poses):
+            recording.set_time("scan", sequence=k)
+            recording.log("robot", rr.Points3D([[pose[0], pose[1], 0.0]], colors=[(0, 114, 178)], radii=[0.2]))

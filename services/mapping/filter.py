@@ -1,0 +1,179 @@
+"""A Rao-Blackwellised particle filter over maps and poses: GMapping's method (Grisetti, Stachniss, Burgard 2007).
+
+Each particle carries a pose and its own map. A scan is matched with the particle's map; around the match, scan and
+odometry together make a Gaussian, from which the new pose is drawn and by whose mass the particle is weighted
+(the improved proposal, Sec. III.A). Particles are drawn anew only when their weights have become uneven (Sec. III.B).
+All in m and rad, map frame.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.geometry.angles import wrap
+from services.mapping.grid import Maps
+from services.mapping.matching import belief, climb, likelihood_field, search
+from services.mapping.scan import Scan
+
+Array = NDArray[np.float64]
+
+_COARSE, _FINE = 0.15, 0.04
+"""m, deviations of beams' ends in the search over all poses nearby, and in the match"""
+_WINDOW, _BOUNDS, _LATTICE = 3.0, (0.3, 0.4), (0.05, 0.02)
+"""deviations of the odometry that the search goes to; m and rad to which at most; m and rad between its poses"""
+_SURE = 30.0
+"""independent beams that a scan is worth in the search: it has to find what the odometry got wrong"""
+_STEP, _TURN = 0.03, 0.01
+"""m and rad, first steps of the match"""
+_WORTH = 60.0
+"""independent beams that a scan is worth in the match: with fewer, poses that hardly fit are drawn"""
+_FEW, _BEAMS = 90, 180
+"""beams that are looked at in the search and in the match"""
+_DRAWN = 24
+"""poses that the Gaussian is found from"""
+_SPREAD = (0.006, 0.006, 0.0012)
+"""m, m, rad: their deviations"""
+_LEAST = (0.002, 0.002, 0.0005)
+"""m, m, rad: least deviations of the Gaussian"""
+
+
+@dataclass
+class Noise:
+    """Deviations of the odometry: m per m, m per rad, rad per rad, rad per m, and what is added to every step."""
+
+    along: float = 0.08
+    by_turn: float = 0.05
+    turn: float = 0.12
+    by_way: float = 0.04
+    least: float = 0.01
+    least_turn: float = 0.01
+
+    def covariance(self, step: Array) -> Array:
+        """Return the covariance, (3, 3), base frame, of a step (3,)."""
+        way, turn = math.hypot(step[0], step[1]), abs(step[2])
+        place = self.least + self.along * way + self.by_turn * turn
+        angle = self.least_turn + self.turn * turn + self.by_way * way
+        return np.diag([place**2, place**2, angle**2])
+
+
+@dataclass
+class Particles:
+    """P particles.
+
+    Attributes:
+        poses: (P, 3).
+        log_weights: (P,), of which the largest is 0.
+        maps: theirs.
+        generator: draws.
+    """
+
+    poses: Array
+    log_weights: Array
+    maps: Maps
+    generator: np.random.Generator = field(default_factory=lambda: np.random.Generator(np.random.PCG64(1)))
+
+    @classmethod
+    def at(cls, pose: Array, count: int, seed: int) -> Particles:
+        """Return `count` particles at `pose`, that know nothing of the world."""
+        generator = np.random.Generator(np.random.PCG64(seed))
+        return cls(np.tile(pose, (count, 1)), np.zeros(count), Maps.of(count), generator)
+
+    @property
+    def weights(self) -> Array:
+        """Return the weights, (P,), which add up to 1."""
+        weights = np.exp(self.log_weights - self.log_weights.max())
+        return np.asarray(weights / weights.sum())
+
+    @property
+    def best(self) -> int:
+        """Return the number of the particle with the largest weight."""
+        return int(np.argmax(self.log_weights))
+
+    def move(self, step: Array, noise: Noise, scan: Scan) -> None:
+        """Take a step of the odometry, (3,), base frame, and the scan after it."""
+        covariance = noise.covariance(step)
+        information: Array = np.linalg.inv(covariance).astype(np.float64)
+        corrected = self._corrected(step, covariance, information, scan)
+        for k in range(len(self.poses)):
+            self._match(k, step, corrected, information, scan)
+        self.log_weights -= self.log_weights.max()
+
+    def _corrected(self, step: Array, covariance: Array, information: Array, scan: Scan) -> Array:
+        """Return the step, (3,), that the best particle's map makes likely. The odometry erred for all alike."""
+        here = self.poses[self.best]
+        expected = compose(here, step)
+        shown, corner = self.maps.picture(self.best, expected[:2], scan.reach + 1.0)
+        field = likelihood_field(shown, _COARSE)
+        deviations = _WINDOW * np.sqrt(np.diag(covariance))
+        steps = math.ceil(min(deviations[0], _BOUNDS[0]) / _LATTICE[0])
+        turns = math.ceil(min(deviations[2], _BOUNDS[1]) / _LATTICE[1])
+        pose, around = expected.copy(), (expected, _turned(information, expected[2]))
+        search(field, *corner, pose, scan.thinned(_FEW), _SURE, *around, _LATTICE[0], steps, _LATTICE[1], turns)
+        return between(here, pose)
+
+    def _match(self, k: int, step: Array, corrected: Array, information: Array, scan: Scan) -> None:
+        expected = compose(self.poses[k], step)
+        around = (expected, _turned(information, expected[2]))
+        seen = (self.maps.cells, self.maps.index[k], *self.maps.corner)
+        pose, ends = compose(self.poses[k], corrected), scan.thinned(_BEAMS)
+        climb(*seen, pose, ends, scan.start, _FINE, _WORTH, *around, _STEP, _TURN, 4)
+        drawn = pose + self.generator.standard_normal((_DRAWN, 3)) * _SPREAD
+        drawn[0] = pose
+        logs = np.array([belief(*seen, one, ends, scan.start, _FINE, _WORTH, *around) for one in drawn])
+        # Drawn from a Gaussian around the match: each counts by what it is over how likely it was drawn.
+        odds = logs + 0.5 * (((drawn - pose) / _SPREAD) ** 2).sum(axis=1)
+        odds[0] = logs[0]
+        shares = np.exp(odds - odds.max())
+        mean = shares @ drawn / shares.sum()
+        off = drawn - mean
+        covariance = (shares[:, None] * off).T @ off / shares.sum() + np.diag(np.square(_LEAST))
+        self.poses[k] = self.generator.multivariate_normal(mean, covariance, method="cholesky")
+        self.poses[k, 2] = wrap(float(self.poses[k, 2]))
+        self.log_weights[k] += odds.max() + math.log(shares.mean())
+
+    def draw(self, scan: Scan, cap: float) -> None:
+        """Draw a scan on every particle's map."""
+        for k, pose in enumerate(self.poses):
+            self.maps.draw(k, pose, scan.ends, scan.returned, scan.start, cap)
+
+    def select(self) -> NDArray[np.int64] | None:
+        """Draw the particles anew, by their weights, if fewer than half of them count.
+
+        Returns:
+            Which each one comes from, (P,); None if all stay.
+        """
+        weights, count = self.weights, len(self.poses)
+        if 1.0 / (weights**2).sum() >= 0.5 * count:
+            return None
+        # Systematic: one draw for all.
+        marks = (self.generator.uniform() + np.arange(count)) / count
+        chosen = np.minimum(np.searchsorted(np.cumsum(weights), marks), count - 1)
+        self.poses, self.log_weights = self.poses[chosen], np.zeros(count)
+        self.maps.take(chosen)
+        return np.asarray(chosen)
+
+
+def _turned(information: Array, theta: float) -> Array:
+    """Return an information matrix, (3, 3), of the base's frame in the map's."""
+    c, s = math.cos(theta), math.sin(theta)
+    turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(turned @ information @ turned.T)
+
+
+def compose(pose: Array, step: Array) -> Array:
+    """Return the pose, (3,), after a step, (3,), in the frame of `pose`."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.array(
+        (pose[0] + c * step[0] - s * step[1], pose[1] + s * step[0] + c * step[1], wrap(float(pose[2] + step[2])))
+    )
+
+
+def between(first: Array, second: Array) -> Array:
+    """Return the step, (3,), that leads from `first` to `second`, in the frame of `first`."""
+    dx, dy = second[0] - first[0], second[1] - first[1]
+    c, s = math.cos(first[2]), math.sin(first[2])
+    return np.array((c * dx + s * dy, -s * dx + c * dy, wrap(float(second[2] - first[2]))))

@@ -1,0 +1,214 @@
+"""Grid maps of many particles that share what is equal in them.
+
+A map is a grid of references to tiles. Particles that come from one refer to the same tiles; a tile is copied when one
+of them draws on it while others hold it (as GMapping does, Grisetti et al. 2007, Sec. V). A cell knows how often beams
+ended in it and passed it, and the mean of where they ended, which is finer than the cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Tiles = NDArray[np.float32]
+Indices = NDArray[np.int32]
+
+RESOLUTION = 0.05
+"""m"""
+SIDE = 32
+"""cells along each side of a tile"""
+HITS, VISITS, MEAN_X, MEAN_Y, CELL = range(5)
+"""Places in a cell: beams that ended in it; beams that ended in it or passed it; mean of the ends, m, map frame."""
+OCCUPIED = 0.25
+"""Share of hits from which on a cell is occupied. Beams graze what stands: less than half of them end in it."""
+FREE, PASSED, HIT = 0, 1, 2
+
+_GROWTH = 8
+_AT_FIRST = 64
+
+
+@dataclass
+class Maps:
+    """The maps of P particles.
+
+    Attributes:
+        cells: (T, SIDE, SIDE, CELL), the tiles.
+        owners: (T,), how often each is referred to; 0: it can be had.
+        index: (P, H, W), the tile at each place, row y first; -1: nothing is known there.
+        corner: (2,), tiles from the map's origin to index[:, 0, 0], (x, y).
+    """
+
+    cells: Tiles = field(default_factory=lambda: np.zeros((_AT_FIRST, SIDE, SIDE, CELL), np.float32))
+    owners: Indices = field(default_factory=lambda: np.zeros(_AT_FIRST, np.int32))
+    index: Indices = field(default_factory=lambda: np.full((1, _GROWTH, _GROWTH), -1, np.int32))
+    corner: list[int] = field(default_factory=lambda: [-_GROWTH // 2, -_GROWTH // 2])
+
+    @classmethod
+    def of(cls, particles: int) -> Maps:
+        """Return empty maps of so many particles."""
+        return cls(index=np.full((particles, _GROWTH, _GROWTH), -1, np.int32))
+
+    def cover(self, low: Array, high: Array) -> None:
+        """Make sure that from `low` to `high`, (2,), m, there are places for tiles."""
+        first = np.floor(low / (RESOLUTION * SIDE)).astype(int) - self.corner
+        last = np.floor(high / (RESOLUTION * SIDE)).astype(int) - self.corner
+        h, w = self.index.shape[1:]
+        # (left, right) and (below, above), in steps: growing copies everything.
+        pads = [
+            [-(-max(0, -int(f)) // _GROWTH) * _GROWTH, -(-max(0, int(b) - n + 1) // _GROWTH) * _GROWTH]
+            for f, b, n in ((first[0], last[0], w), (first[1], last[1], h))
+        ]
+        if any(map(any, pads)):
+            self.index = np.pad(self.index, ((0, 0), tuple(pads[1]), tuple(pads[0])), constant_values=-1)
+            self.corner = [self.corner[0] - pads[0][0], self.corner[1] - pads[1][0]]
+
+    def draw(
+        self, particle: int, pose: Array, ends: Array, returned: NDArray[np.bool_], start: Array, cap: float
+    ) -> None:
+        """Draw a scan on a particle's map.
+
+        Args:
+            pose: (3,), m and rad, of the base on the map.
+            ends: (N, 2), m, base frame, of the beams; returned: (N,), whether something is there.
+            start: (2,), m, base frame: the sensor.
+            cap: visits that a cell remembers at most: what came before fades.
+        """
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        turned = np.array([[c, s], [-s, c]])
+        there, origin = ends @ turned + pose[:2], start @ turned + pose[:2]
+        low = np.minimum(there.min(axis=0), origin) - 2 * RESOLUTION
+        high = np.maximum(there.max(axis=0), origin) + 2 * RESOLUTION
+        self.cover(low, high)
+        span = np.ceil((high - low) / (RESOLUTION * SIDE)).astype(int) + 1
+        missing = int(span.prod()) - int((self.owners == 0).sum())
+        if missing > 0:
+            more = max(missing, len(self.owners) // 2)
+            self.cells = np.concatenate([self.cells, np.zeros((more, SIDE, SIDE, CELL), np.float32)])
+            self.owners = np.concatenate([self.owners, np.zeros(more, np.int32)])
+        _draw(self.cells, self.owners, self.index[particle], *self.corner, there, returned, origin, cap)
+
+    def take(self, chosen: NDArray[np.int64]) -> None:
+        """Replace the particles' maps by those of the particles `chosen`, (P,)."""
+        self.index = self.index[chosen]
+        used = self.index[self.index >= 0]
+        self.owners = np.bincount(used, minlength=len(self.owners)).astype(np.int32)
+
+    def picture(
+        self, particle: int, centre: Array | None = None, reach: float = 0.0
+    ) -> tuple[NDArray[np.uint8], Array]:
+        """Return a particle's map: (H, W), row y first, 0 free to 100 occupied, 255 unknown; its corner, (2,), m.
+
+        Args:
+            centre, reach: (2,) and m: only the tiles within `reach` of there; None: all.
+        """
+        index, corner = self.index[particle], np.array(self.corner)
+        if centre is not None:
+            size = np.array(index.shape[::-1])
+            low, high = (np.floor((centre + sign * reach) / (RESOLUTION * SIDE)).astype(int) for sign in (-1, 1))
+            first, last = np.clip(low - corner, 0, size - 1), np.clip(high - corner, 0, size - 1)
+            index, corner = index[first[1] : last[1] + 1, first[0] : last[0] + 1], corner + first
+        h, w = index.shape
+        shown = np.full((h, SIDE, w, SIDE), 255, np.uint8)
+        for v, u in zip(*np.nonzero(index >= 0), strict=True):
+            cells = self.cells[index[v, u]]
+            seen = cells[..., VISITS] > 0.0
+            occupied = cells[..., HITS] >= OCCUPIED * cells[..., VISITS]
+            shown[v, :, u, :] = np.where(seen, np.where(occupied, 100, 0), 255)
+        return shown.reshape(h * SIDE, w * SIDE), corner * (SIDE * RESOLUTION)
+
+
+@njit("i8(i4[::1],i8)", cache=True)
+def _free(owners: Indices, first: int) -> int:
+    while owners[first] != 0:
+        first += 1
+    return first
+
+
+@njit("u1[:,::1](f8[:,::1],b1[::1],f8,f8,i8,i8,i8,i8)", cache=True)
+def _touched(
+    ends: Array, returned: NDArray[np.bool_], sx: float, sy: float, low_i: int, high_i: int, low_j: int, high_j: int
+) -> NDArray[np.uint8]:
+    """Return which cells beams from (sx, sy) touch, (high_j - low_j + 1, high_i - low_i + 1): FREE, PASSED or HIT.
+
+    Args:
+        ends: (N, 2), in cells, as are sx and sy; within the bounds.
+    """
+    touched = np.zeros((high_j - low_j + 1, high_i - low_i + 1), np.uint8)
+    for k in range(len(ends)):
+        # From cell to cell along the beam (Amanatides and Woo 1987).
+        i, j, last_i, last_j = int(sx), int(sy), int(ends[k, 0]), int(ends[k, 1])
+        dx, dy = ends[k, 0] - sx, ends[k, 1] - sy
+        step_i, step_j = 1 if dx > 0 else -1, 1 if dy > 0 else -1
+        next_x = ((i + (dx > 0)) - sx) / dx if dx != 0.0 else np.inf
+        next_y = ((j + (dy > 0)) - sy) / dy if dy != 0.0 else np.inf
+        each_x, each_y = abs(1.0 / dx) if dx != 0.0 else np.inf, abs(1.0 / dy) if dy != 0.0 else np.inf
+        while i != last_i or j != last_j:
+            if touched[j - low_j, i - low_i] == FREE:
+                touched[j - low_j, i - low_i] = PASSED
+            # Rounding must not lead past the last row or column.
+            if (next_x < next_y and i != last_i) or j == last_j:
+                i += step_i
+                next_x += each_x
+            else:
+                j += step_j
+                next_y += each_y
+        if returned[k]:
+            touched[last_j - low_j, last_i - low_i] = HIT
+        elif touched[last_j - low_j, last_i - low_i] == FREE:
+            touched[last_j - low_j, last_i - low_i] = PASSED
+    return touched
+
+
+@njit("void(f4[:,:,:,::1],i4[::1],i4[:,::1],i8,i8,f8[:,::1],b1[::1],f8[::1],f8)", cache=True)
+def _draw(
+    cells: Tiles, owners: Indices, index: Indices, corner_x: int, corner_y: int,
+    ends: Array, returned: NDArray[np.bool_], origin: Array, cap: float,
+) -> None:  # fmt: skip
+    """Draw beams, once for each cell that they touch; where some end and others pass, they end."""
+    x0, y0 = corner_x * SIDE * RESOLUTION, corner_y * SIDE * RESOLUTION
+    sx, sy = (origin[0] - x0) / RESOLUTION, (origin[1] - y0) / RESOLUTION
+    scaled = np.empty_like(ends)
+    low_i, high_i, low_j, high_j = int(sx), int(sx), int(sy), int(sy)
+    for k in range(len(ends)):
+        scaled[k, 0], scaled[k, 1] = (ends[k, 0] - x0) / RESOLUTION, (ends[k, 1] - y0) / RESOLUTION
+        i, j = int(scaled[k, 0]), int(scaled[k, 1])
+        low_i, high_i, low_j, high_j = min(low_i, i), max(high_i, i), min(low_j, j), max(high_j, j)
+    touched = _touched(scaled, returned, sx, sy, low_i, high_i, low_j, high_j)
+    free = 0
+    for j in range(len(touched)):
+        for i in range(len(touched[0])):
+            if touched[j, i] == FREE:
+                continue
+            v, u = (j + low_j) // SIDE, (i + low_i) // SIDE
+            tile = index[v, u]
+            if tile < 0 or owners[tile] > 1:
+                free = _free(owners, free)
+                if tile < 0:
+                    cells[free] = 0.0
+                else:
+                    cells[free] = cells[tile]
+                    owners[tile] -= 1
+                owners[free] = 1
+                index[v, u] = tile = free
+            cell = cells[tile, (j + low_j) % SIDE, (i + low_i) % SIDE]
+            if cell[VISITS] >= cap:
+                cell[HITS] *= (cap - 1.0) / cell[VISITS]
+                cell[VISITS] = cap - 1.0
+            cell[VISITS] += 1.0
+            if touched[j, i] == HIT:
+                cell[HITS] += 1.0
+    for k in range(len(ends)):
+        if not returned[k]:
+            continue
+        i, j = int(scaled[k, 0]), int(scaled[k, 1])
+        cell = cells[index[j // SIDE, i // SIDE], j % SIDE, i % SIDE]
+        if cell[MEAN_X] == 0.0 and cell[MEAN_Y] == 0.0:
+            cell[MEAN_X], cell[MEAN_Y] = ends[k, 0], ends[k, 1]
+            continue
+        share = 1.0 / max(cell[HITS], 1.0)
+        cell[MEAN_X] += share * (ends[k, 0] - cell[MEAN_X])
+        cell[MEAN_Y] += share * (ends[k, 1] - cell[MEAN_Y])
