@@ -13,7 +13,10 @@ if TYPE_CHECKING:
     from experiments.slam.whole import Mapped
 
 File = Annotated[
-    Path, typer.Argument(metavar="FILE", help="A CARMEN log (.log, .log.gz), or .npz with ranges, odom, aperture.")
+    Path,
+    typer.Argument(
+        metavar="FILE", help="A CARMEN log (.log, .log.gz), .npz with ranges, odom, aperture, or a session (.mcap)."
+    ),
 ]
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where map.png and map.rrd go; none: nowhere.")
@@ -27,8 +30,9 @@ def register(app: typer.Typer) -> None:
     """Add the verb to `pushlane`."""
     app.command(
         name="slam",
-        help="Map a laser log made by others, as the mapping service would, and print how its trajectory agrees with "
-        "the log's own where it has one: errors of relative displacements (Kuemmerle et al. 2009).",
+        help="Map a laser log, made by others or recorded by pushlane, and print how its trajectory agrees with the "
+        "log's own where it has one: errors of relative displacements (Kuemmerle et al. 2009); of a simulated session, "
+        "errors against the truth.",
     )(slam)
 
 
@@ -74,6 +78,11 @@ def _told(log: Log, found: Mapped) -> list[str]:
             f"from the first pose to the last {np.hypot(*off[:2]):.2f} m, by odometry {np.hypot(*raw[:2]):.2f} m; "
             "the log has no trajectory to compare with",
         ]
+    if log.true:
+        for name, poses in (("found", found.poses), ("odometry", found.raw)):
+            off = np.hypot(*(poses - log.reference)[:, :2].T)
+            late = np.percentile(off, 95)
+            lines.append(f"position against the truth, {name}: {off.mean():.3f} m mean, {late:.3f} m 95th percentile")
     lines.append("errors of relative displacements against the log's own trajectory, mean and standard deviation:")
     for name, pairs in (("revisits", revisits(log.reference)), ("successive scans", successive(len(log.ranges)))):
         if not pairs:

@@ -1,4 +1,4 @@
-"""Laser logs made by others: CARMEN's text format, and arrays in a .npz file."""
+"""Laser logs: CARMEN's text format and arrays in a .npz file, made by others, and our own sessions (`sessions`)."""
 
 from __future__ import annotations
 
@@ -44,6 +44,7 @@ class Log:
         start: (3,), first pose.
         reference: (K, 3), poses as another program corrected them; None if the log has none.
         nothing: m, ranges from which on a beam has met nothing.
+        true: whether the reference is the simulation's truth.
     """
 
     ranges: list[Array]
@@ -53,23 +54,29 @@ class Log:
     start: Array
     reference: Array | None
     nothing: float
+    true: bool = False
 
     def cut(self, count: int) -> Log:
         """Return the first `count` scans."""
         reference = None if self.reference is None else self.reference[:count]
         ranges, angles, steps = self.ranges[:count], self.angles[:count], self.steps[:count]
-        return Log(ranges, angles, self.mount, steps, self.start, reference, self.nothing)
+        return Log(ranges, angles, self.mount, steps, self.start, reference, self.nothing, self.true)
 
 
 def read(file: Path) -> Log:
-    """Return the log in `file`: .npz, or CARMEN's text, plain or gzipped.
+    """Return the log in `file`: a session (.mcap), .npz, or CARMEN's text, plain or gzipped.
 
     Raises:
         BadLog: it cannot be read.
     """
     if not file.is_file():
         raise BadLog(f"{file}: there is no such file")
-    log = _arrays(file) if file.suffix == ".npz" else _carmen(file)
+    if file.suffix == ".mcap":
+        from experiments.slam.sessions import of_session  # heavy
+
+        log = of_session(file)
+    else:
+        log = _arrays(file) if file.suffix == ".npz" else _carmen(file)
     if len(log.ranges) < 2:
         raise BadLog(f"{file}: {len(log.ranges)} laser scans; expected two at least")
     return log
