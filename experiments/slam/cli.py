@@ -19,10 +19,17 @@ File = Annotated[
     ),
 ]
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where map.png and map.rrd go; none: nowhere.")
+    Path | None,
+    typer.Option("--output", "-o", metavar="FOLDER", help="Where map.png, .rrd, .yaml and .pgm go; none: nowhere."),
 ]
 NumberOfParticles = Annotated[int, typer.Option("--particles", min=1, max=1000, help="Particles.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of everything drawn.")]
+KnownMap = Annotated[
+    Path | None,
+    typer.Option(
+        "--map", metavar="FILE", help="Localise in this map (map_server's YAML) from nothing; none: make one."
+    ),
+]
 Scans = Annotated[int, typer.Option("--scans", min=0, help="Only so many, from the first on; 0: all.")]
 
 
@@ -37,26 +44,33 @@ def register(app: typer.Typer) -> None:
 
 
 def slam(
-    file: File, output: Output = None, particles: NumberOfParticles = 30, seed: Seed = 1, scans: Scans = 0
+    file: File,
+    output: Output = None,
+    particles: NumberOfParticles = 30,
+    seed: Seed = 1,
+    scans: Scans = 0,
+    known: KnownMap = None,
 ) -> None:
     """Map a log."""
     from experiments.paper.running import shown  # heavy
-    from experiments.slam import whole
+    from experiments.slam import maps, whole
     from experiments.slam.logs import read
     from services.mapping.config import FilterConfig
 
     log = read(file)
     if scans:
         log = log.cut(scans)
-    with shown("mapping", len(log.ranges)) as advance:
-        found = whole.run(log, FilterConfig(particles=particles, seed=seed), advance)
+    given = None if known is None else maps.read(known)
+    with shown("mapping" if given is None else "localising", len(log.ranges)) as advance:
+        found = whole.run(log, FilterConfig(particles=particles, seed=seed), advance, given)
     for line in _told(log, found):
         typer.echo(line)
     if output is not None:
         output.mkdir(parents=True, exist_ok=True)
         whole.picture(found, log.reference).savefig(output / "map.png")
         whole.to_rerun(found, log.reference, output / "map.rrd")
-        typer.echo(f"{output / 'map.png'}, {output / 'map.rrd'}")
+        saved = maps.write(output, found.cells, found.corner)
+        typer.echo(f"{output / 'map.png'}, {output / 'map.rrd'}, {saved}")
 
 
 def _told(log: Log, found: Mapped) -> list[str]:

@@ -13,9 +13,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from experiments.slam.logs import Log
+from runtime.errors import PushlaneError
 from services.mapping.config import FilterConfig
 from services.mapping.filter import Noise, Particles, compose
-from services.mapping.grid import RESOLUTION
+from services.mapping.globally import locate
+from services.mapping.grid import RESOLUTION, Maps
 from services.mapping.scan import Scan
 
 matplotlib.use("Agg")
@@ -46,19 +48,44 @@ class Mapped:
     alone: int
 
 
-def run(log: Log, config: FilterConfig, advance: Callable[[], None]) -> Mapped:
-    """Map `log`; `advance` is called after each scan."""
+class NotFound(PushlaneError):
+    """The first scan fits nowhere on a map."""
+
+    exit_code = 1
+
+
+def run(
+    log: Log, config: FilterConfig, advance: Callable[[], None], known: tuple[NDArray[np.uint8], Array] | None = None
+) -> Mapped:
+    """Map `log`; `advance` is called after each scan.
+
+    Args:
+        known: a map (see `maps.read`), in which the start is searched for: nothing is drawn then.
+
+    Raises:
+        NotFound: the map has no free place, or the first scan no beam that meets something.
+    """
     particles = Particles.at(log.start, config.particles, config.seed)
+    start = log.start
+    if known is not None:
+        particles.maps = Maps.known(*known, config.particles)
+        scan = Scan.of(log.ranges[0], log.angles[0], log.mount, config.furthest, log.nothing)
+        poses, _ = locate(particles.maps, scan)
+        if not len(poses):
+            raise NotFound("the first scan fits nowhere on the map")
+        start = poses[0]
+        particles.poses[:] = start
     noise = Noise()
     past = np.zeros((config.particles, len(log.ranges), 3))
-    raw, ticks, selections = [log.start], [], 0
+    raw, ticks, selections = [start], [], 0
     for k, (ranges, angles) in enumerate(zip(log.ranges, log.angles, strict=True)):
         began = time.perf_counter()
         scan = Scan.of(ranges, angles, log.mount, config.furthest, log.nothing)
         if k:
             raw.append(compose(raw[-1], log.steps[k]))
             particles.move(log.steps[k], noise, scan)
-        particles.draw(scan, config.memory)
+        if known is None:
+            particles.draw(scan, config.memory)
         past[:, k] = particles.poses
         chosen = particles.select() if k else None
         if chosen is not None:

@@ -52,6 +52,33 @@ class Maps:
         """Return empty maps of so many particles."""
         return cls(index=np.full((particles, _GROWTH, _GROWTH), -1, np.int32))
 
+    @classmethod
+    def known(cls, shown: NDArray[np.uint8], corner: Array, particles: int) -> Maps:
+        """Return one map for all particles, which they share.
+
+        Args:
+            shown: (H, W), row y first, 0 free, 100 occupied, 255 unknown; corner: (2,), m.
+        """
+        maps = cls.of(particles)
+        low = np.floor(corner / RESOLUTION + 0.5).astype(int)
+        first = np.floor_divide(low, SIDE)
+        skip = low - first * SIDE
+        h, w = (-(-(n + s) // SIDE) for n, s in zip(shown.shape, skip[::-1], strict=True))
+        whole = np.full((h * SIDE, w * SIDE), 255, np.uint8)
+        whole[skip[1] : skip[1] + shown.shape[0], skip[0] : skip[0] + shown.shape[1]] = shown
+        seen, occupied = whole != 255, whole == 100
+        cells = np.zeros((h * SIDE, w * SIDE, CELL), np.float32)
+        cells[..., VISITS], cells[..., HITS] = seen, occupied
+        middle = (np.arange(max(h, w) * SIDE) + 0.5) * RESOLUTION
+        cells[..., MEAN_X] = middle[None, : w * SIDE] + first[0] * SIDE * RESOLUTION
+        cells[..., MEAN_Y] = middle[: h * SIDE, None] + first[1] * SIDE * RESOLUTION
+        tiles = cells.reshape(h, SIDE, w, SIDE, CELL).transpose(0, 2, 1, 3, 4).reshape(-1, SIDE, SIDE, CELL)
+        maps.cells = np.ascontiguousarray(tiles)
+        maps.index = np.tile(np.arange(h * w, dtype=np.int32).reshape(1, h, w), (particles, 1, 1))
+        maps.owners = np.full(h * w, particles, np.int32)
+        maps.corner = [int(first[0]), int(first[1])]
+        return maps
+
     def cover(self, low: Array, high: Array) -> None:
         """Make sure that from `low` to `high`, (2,), m, there are places for tiles."""
         first = np.floor(low / (RESOLUTION * SIDE)).astype(int) - self.corner

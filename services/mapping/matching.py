@@ -191,3 +191,30 @@ def search(
                 if value > best:
                     best = value
                     pose[:] = tried
+
+
+@njit("f8[:,::1](f4[:,::1],f8,f8,f8[:,::1],f8[:,::1],f8[::1])", cache=True)
+def everywhere(field: Tiles, x0: float, y0: float, places: Array, ends: Array, headings: Array) -> Array:
+    """Return how well a scan fits at every place and heading, (P, A): the mean of the field over its ends, 0 to 1.
+
+    Args:
+        field: see `likelihood_field`; x0, y0: m, its corner.
+        places: (P, 2), m; headings: (A,), rad.
+    """
+    h, w = field.shape
+    out = np.zeros((len(places), len(headings)))
+    px, py = np.empty(len(ends)), np.empty(len(ends))
+    for a in range(len(headings)):
+        c, s = math.cos(headings[a]), math.sin(headings[a])
+        for k in range(len(ends)):
+            px[k] = c * ends[k, 0] - s * ends[k, 1] - x0
+            py[k] = s * ends[k, 0] + c * ends[k, 1] - y0
+        for p in range(len(places)):
+            total = 0.0
+            for k in range(len(ends)):
+                i = int((px[k] + places[p, 0]) / RESOLUTION)
+                j = int((py[k] + places[p, 1]) / RESOLUTION)
+                if 0 <= i < w and 0 <= j < h:
+                    total += field[j, i]
+            out[p, a] = total / max(len(ends), 1)
+    return out

@@ -20,6 +20,8 @@ WALLS = np.array(
     ]
 )  # fmt: skip
 ANGLES = np.linspace(-math.pi, math.pi, 360, endpoint=False)
+ROUND = [(0.8, 0.8), (3.4, 0.8), (5.2, 1.0), (5.2, 3.2), (3.4, 3.2), (3.4, 1.4), (0.8, 1.6), (0.8, 0.8)]
+"""m, places on a round through the room"""
 MOUNT = np.array([0.1, 0.0, 0.0])
 
 

@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from services.mapping.filter import Noise, Particles, between, compose
 from services.mapping.grid import Maps
 from services.mapping.matching import agreement, climb, likelihood_field, prior, search
-from tests.services.mapping.rooms import scan_at
+from tests.services.mapping.rooms import ROUND, scan_at
 
 POSES = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-3.1, 3.1))
-ROUND = [(0.8, 0.8), (3.4, 0.8), (5.2, 1.0), (5.2, 3.2), (3.4, 3.2), (3.4, 1.4), (0.8, 1.6), (0.8, 0.8)]
 
 
 @given(POSES, POSES)
