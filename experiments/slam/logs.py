@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import math
 import zipfile
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,8 +21,9 @@ Array = NDArray[np.float64]
 
 _NOTHING = 79.0
 """m; scanners that see 80 m say about that, or 81.9, where they see nothing"""
-_CORRECTED = 1e-3
-"""m or rad by which poses differ from the odometry before them if they were corrected"""
+_FAR = 1e4
+"""m, farther than which no base goes"""
+_SANE = f"finite and within {_FAR:g} m"
 _BEAMS = {180: math.radians(1.0), 181: math.radians(1.0), 360: math.radians(0.5), 361: math.radians(0.5)}
 """rad between beams of an FLASER line, which does not say it: half a turn, from the right on"""
 
@@ -86,68 +88,90 @@ def _arrays(file: Path) -> Log:
     try:
         with np.load(file) as found:
             data = {name: found[name] for name in found.files}
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise BadLog(f"{file}: no .npz file: {error}") from error
-    missing = sorted({"ranges", "odom", "aperture"} - data.keys())
-    if missing:
-        raise BadLog(f"{file}: without {', '.join(missing)}; expected ranges (K, N), odom (K, 3), aperture")
-    ranges, odometry = (np.asarray(data[name], np.float64) for name in ("ranges", "odom"))
-    if ranges.ndim != 2 or odometry.shape != (len(ranges), 3) or not np.isfinite(odometry).all():
+        missing = sorted({"ranges", "odom", "aperture"} - data.keys())
+        if missing:
+            raise BadLog(f"{file}: without {', '.join(missing)}; expected ranges (K, N), odom (K, 3), aperture")
+        ranges, odometry = (np.asarray(data[name], np.float64) for name in ("ranges", "odom"))
+        aperture, furthest = float(data["aperture"]), float(data.get("max_range", _NOTHING))
+        mount = np.asarray(data.get("sensor_pose", np.zeros(3)), np.float64)
+        way = 1.0 if int(data.get("right_to_left", 1)) else -1.0
+    except (OSError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise BadLog(f"{file}: no .npz file of numbers: {error}") from error
+    if ranges.ndim != 2 or odometry.shape != (len(ranges), 3) or not _sane(odometry):
+        raise BadLog(f"{file}: ranges {ranges.shape} and odom {odometry.shape}; expected (K, N) and (K, 3), {_SANE}")
+    if mount.shape != (3,) or not _sane(mount) or not 0.0 < aperture <= math.tau or not furthest > 0.0:
         raise BadLog(
-            f"{file}: ranges {ranges.shape} and odom {odometry.shape}; expected (K, N) and (K, 3), the latter finite"
+            f"{file}: sensor_pose {mount}, aperture {aperture}, max_range {furthest}; expected (3,), a turn, above 0"
         )
     if "valid" in data:
         if data["valid"].shape != ranges.shape:
             raise BadLog(f"{file}: valid is {data['valid'].shape}; expected {ranges.shape}")
         ranges = np.where(data["valid"], ranges, np.inf)
-    half = 0.5 * float(data["aperture"])
-    angles = np.linspace(-half, half, ranges.shape[1]) * (1.0 if data.get("right_to_left", 1) else -1.0)
-    mount = np.asarray(data.get("sensor_pose", np.zeros(3)), np.float64)
-    if mount.shape != (3,):
-        raise BadLog(f"{file}: sensor_pose is {mount.shape}; expected (3,)")
+    angles = way * np.linspace(-0.5 * aperture, 0.5 * aperture, ranges.shape[1])
     steps = [np.zeros(3)] + [between(a, b) for a, b in pairwise(odometry)]
-    nothing = float(data.get("max_range", _NOTHING)) * 0.999
-    return Log(list(ranges), [angles] * len(ranges), mount, np.array(steps), odometry[0], None, nothing)
+    start = odometry[0] if len(odometry) else np.zeros(3)
+    return Log(list(ranges), [angles] * len(ranges), mount, np.array(steps), start, None, 0.999 * furthest)
+
+
+@dataclass(frozen=True)
+class _Scan:
+    """A laser line: what was seen, where the laser and the base were said to be, and the newest odometry before it."""
+
+    ranges: Array
+    angles: Array
+    laser: Array
+    base: Array
+    odometry: Array | None
 
 
 def _carmen(file: Path) -> Log:
-    ranges: list[Array] = []
-    angles: list[Array] = []
-    poses: list[Array] = []
-    steps: list[Array] = []
+    scans: list[_Scan] = []
     odometry: Array | None = None
-    apart = []
+    corrected = False
     for number, words in _lines(file):
         try:
             if words[0] == "ODOM":
-                odometry = _numbers(words[1:4], 3)
-                continue
-            if words[0] == "FLASER":
-                count = int(words[1])
-                seen, bearings = _numbers(words[2 : 2 + count], count), _front(count)
-                pose, own = _numbers(words[2 + count : 5 + count], 3), _numbers(words[5 + count : 8 + count], 3)
-            elif words[0] == "ROBOTLASER1":
-                count = int(words[8])
-                start, _, between_beams = _numbers(words[2:5], 3)
-                seen, bearings = _numbers(words[9 : 9 + count], count), start + between_beams * np.arange(count)
-                after = 10 + count + int(words[9 + count])
-                pose, own = _numbers(words[after : after + 3], 3), _numbers(words[after + 3 : after + 6], 3)
-            else:
-                continue
-        except (ValueError, IndexError) as error:
+                odometry = _pose(words[1:4])
+            elif words[0] == "NEFF":  # by GMapping, in logs that it has corrected
+                corrected = True
+            elif words[0] in _LASERS:
+                scans.append(_LASERS[words[0]](words, odometry))
+                odometry = None
+        except (ValueError, IndexError, OverflowError) as error:
             raise BadLog(f"{file}, line {number}: {words[0]} cannot be read: {error}") from error
+    poses = np.array([one.base for one in scans]).reshape(-1, 3)
+    steps = [np.zeros(3)]
+    for before, after in pairwise(scans):
         # Where corrected poses are written, odometry goes on from the corrected one: between scans it is still raw.
-        newest = odometry if odometry is not None else own
-        steps.append(between(poses[-1], newest) if poses else np.zeros(3))
-        apart.append(float(np.abs(between(newest, pose)).max()))
-        ranges.append(seen)
-        angles.append(bearings)
-        poses.append(pose)
-        odometry = None
-    corrected = len(apart) > 1 and float(np.median(apart[1:])) > _CORRECTED
-    reference = np.array(poses) if corrected else None
-    start = poses[0] if poses else np.zeros(3)
-    return Log(ranges, angles, np.zeros(3), np.array(steps), start, reference, _NOTHING)
+        raw = after.odometry if corrected and after.odometry is not None else after.base
+        steps.append(between(before.base, raw))
+    mount = np.zeros(3)
+    if scans and not corrected:
+        mount = np.median([between(one.base, one.laser) for one in scans], axis=0)
+    start = poses[0] if scans else np.zeros(3)
+    seen, angles = [one.ranges for one in scans], [one.angles for one in scans]
+    return Log(seen, angles, mount, np.array(steps), start, poses if corrected else None, _NOTHING)
+
+
+def _flaser(words: list[str], odometry: Array | None) -> _Scan:
+    """FLASER: count, ranges, the laser's pose, the base's."""
+    count = int(words[1])
+    ranges, rest = _numbers(words[2 : 2 + count], count), words[2 + count :]
+    return _Scan(ranges, _front(count), _pose(rest[:3]), _pose(rest[3:6]), odometry)
+
+
+def _robotlaser(words: list[str], odometry: Array | None) -> _Scan:
+    """ROBOTLASER1: type, start, field, resolution, maximum, accuracy, mode, ranges, remissions, both poses."""
+    count = int(words[8])
+    start, _, each, furthest = _numbers(words[2:6], 4)
+    ranges = _numbers(words[9 : 9 + count], count)
+    if furthest > 0.0:
+        ranges = np.where(ranges >= 0.999 * furthest, np.inf, ranges)
+    rest = words[10 + count + int(words[9 + count]) :]
+    return _Scan(ranges, start + each * np.arange(count), _pose(rest[:3]), _pose(rest[3:6]), odometry)
+
+
+_LASERS = {"FLASER": _flaser, "ROBOTLASER1": _robotlaser}
 
 
 def _lines(file: Path) -> Iterator[tuple[int, list[str]]]:
@@ -158,7 +182,7 @@ def _lines(file: Path) -> Iterator[tuple[int, list[str]]]:
                 words = line.split()
                 if words and not words[0].startswith("#"):
                     yield number, words
-    except (OSError, EOFError, UnicodeDecodeError) as error:
+    except (OSError, EOFError, UnicodeDecodeError, zlib.error) as error:
         raise BadLog(f"{file}: not a CARMEN log: {error}") from error
 
 
@@ -175,3 +199,14 @@ def _numbers(words: list[str], count: int) -> Array:
     if not np.isfinite(found).all():
         raise ValueError("a number is not finite")
     return found
+
+
+def _pose(words: list[str]) -> Array:
+    found = _numbers(words, 3)
+    if not _sane(found):
+        raise ValueError(f"a pose of {found}; expected {_SANE}")
+    return found
+
+
+def _sane(poses: Array) -> bool:
+    return bool(np.isfinite(poses).all() and np.abs(poses).max(initial=0.0) <= _FAR)

@@ -52,7 +52,7 @@ def read(file: Path) -> tuple[Cells, Array]:
         raise BadMap(
             f"{file}: origin {x, y, yaw}, thresholds {free} and {occupied}; expected finite ones in this order"
         )
-    if abs(resolution - RESOLUTION) > 1e-6 or yaw != 0.0:
+    if not abs(resolution - RESOLUTION) <= 1e-6 or yaw != 0.0:
         raise BadMap(f"{file}: resolution {resolution} m and yaw {yaw} rad; expected {RESOLUTION} m and 0")
     if said.get("mode", "trinary") != "trinary":
         raise BadMap(f"{file}: mode {said['mode']}; expected trinary")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from experiments.slam.logs import BadLog, Log
 from replays.inspect.errors import Unreadable
 from replays.inspect.session import Track, read_session
-from runtime.messages import LaserScan, ObjectState, Odometry, Pose2, RobotPose, Truth
+from runtime.messages import LaserScan, ObjectState, Odometry, Pose2, RobotPose, Truth, Visibility
 from runtime.time import SECOND
 from services.mapping.filter import between
 
@@ -20,6 +20,8 @@ Stamps = NDArray[np.int64]
 
 _NOTHING = 9.99
 """m; the scanner of the simulation, like those on Robotinos, says 10 m where it sees nothing"""
+_AT_MOST = 0.5
+"""s between a scan and where the object was seen"""
 _AROUND = 0.06
 """m around the pushed object's circle in which nothing is taken for a part of the room"""
 
@@ -44,8 +46,9 @@ def of_session(file: Path) -> Log:
     for scan, stamp in zip(scans.messages, stamps, strict=True):
         seen = np.array(scan.ranges)
         bearings = np.linspace(scan.start_angle, scan.end_angle, len(seen))
+        turn = 2.0 * math.atan2(scan.pose.orientation.z, scan.pose.orientation.w)
         place = np.array([scan.pose.position.x, scan.pose.position.y])
-        ends = place + seen[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
+        ends = place + seen[:, None] * np.column_stack([np.cos(bearings + turn), np.sin(bearings + turn)])
         circle = _object(objects, robots, stamp)
         if circle is not None:
             seen = np.where(np.hypot(*(ends - circle[0]).T) < circle[1], np.nan, seen)
@@ -56,7 +59,8 @@ def of_session(file: Path) -> Log:
     reference = _poses([(one.stamp, one.robot) for one in truth.messages], stamps) if len(truth) else None
     steps = np.array([np.zeros(3), *(between(raw[k], raw[k + 1]) for k in range(len(raw) - 1))])
     start = raw[0] if reference is None else reference[0]
-    mount = np.array([first.x, first.y, 0.0])
+    turned = scans.messages[0].pose.orientation
+    mount = np.array([first.x, first.y, 2.0 * math.atan2(turned.z, turned.w)])
     return Log(ranges, angles, mount, steps, start, reference, _NOTHING, reference is not None)
 
 
@@ -74,6 +78,8 @@ def _object(objects: Track[ObjectState], robots: Track[RobotPose], stamp: int) -
     if not len(objects) or not len(robots):
         return None
     thing = min(objects.messages, key=lambda one: abs(one.stamp - stamp))
+    if thing.visibility == Visibility.LOST or abs(thing.stamp - stamp) > _AT_MOST * SECOND:
+        return None
     robot = min(robots.messages, key=lambda one: abs(one.stamp - stamp)).pose
     dx, dy = thing.position.x - robot.x, thing.position.y - robot.y
     c, s = math.cos(robot.theta), math.sin(robot.theta)

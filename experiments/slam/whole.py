@@ -66,9 +66,11 @@ def run(
         NotFound: the map has no free place, or the first scan no beam that meets something.
     """
     particles = Particles.at(log.start, config.particles, config.seed)
-    start = log.start
+    start, shift = log.start, np.zeros(2)
     if known is not None:
-        particles.maps = Maps.known(*known, config.particles)
+        # Cells are counted from the origin: where the map's are not, everything is moved by what is left, and back.
+        shift = known[1] - np.rint(known[1] / RESOLUTION) * RESOLUTION
+        particles.maps = Maps.known(known[0], known[1] - shift, config.particles)
         scan = Scan.of(log.ranges[0], log.angles[0], log.mount, config.furthest, log.nothing)
         poses, _ = locate(particles.maps, scan)
         if not len(poses):
@@ -94,9 +96,10 @@ def run(
         ticks.append(time.perf_counter() - began)
         advance()
     cells, corner = particles.maps.picture(particles.best)
+    back = np.array([*shift, 0.0])
     owners = particles.maps.owners
     return Mapped(
-        past[particles.best], np.array(raw), cells, corner, np.array(ticks), selections,
+        past[particles.best] + back, np.array(raw) + back, cells, corner + shift, np.array(ticks), selections,
         int((owners > 0).sum()), int(owners.sum()),
     )  # fmt: skip
 
@@ -104,6 +107,8 @@ def run(
 def picture(found: Mapped, reference: Array | None) -> Figure:
     """Return the map with the trajectories on it."""
     known = found.cells != 255
+    if not known.any():
+        return Figure()
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     x0, y0 = found.corner
     low, high = (x0 + columns[0] * RESOLUTION, y0 + rows[0] * RESOLUTION), (

@@ -69,12 +69,14 @@ class Particles:
         log_weights: (P,), of which the largest is 0.
         maps: theirs.
         generator: draws.
+        best: the particle with the largest weight; after a selection, one that comes from it.
     """
 
     poses: Array
     log_weights: Array
     maps: Maps
     generator: np.random.Generator = field(default_factory=lambda: np.random.Generator(np.random.PCG64(1)))
+    best: int = 0
 
     @classmethod
     def at(cls, pose: Array, count: int, seed: int) -> Particles:
@@ -88,11 +90,6 @@ class Particles:
         weights = np.exp(self.log_weights - self.log_weights.max())
         return np.asarray(weights / weights.sum())
 
-    @property
-    def best(self) -> int:
-        """Return the number of the particle with the largest weight."""
-        return int(np.argmax(self.log_weights))
-
     def move(self, step: Array, noise: Noise, scan: Scan) -> None:
         """Take a step of the odometry, (3,), base frame, and the scan after it."""
         covariance = noise.covariance(step)
@@ -100,7 +97,8 @@ class Particles:
         corrected = self._corrected(step, covariance, information, scan)
         for k in range(len(self.poses)):
             self._match(k, step, corrected, information, scan)
-        self.log_weights -= self.log_weights.max()
+        self.best = int(np.argmax(self.log_weights))
+        self.log_weights -= self.log_weights[self.best]
 
     def _corrected(self, step: Array, covariance: Array, information: Array, scan: Scan) -> Array:
         """Return the step, (3,), that the best particle's map makes likely. The odometry erred for all alike."""
@@ -154,6 +152,8 @@ class Particles:
         chosen = np.minimum(np.searchsorted(np.cumsum(weights), marks), count - 1)
         self.poses, self.log_weights = self.poses[chosen], np.zeros(count)
         self.maps.take(chosen)
+        # Systematic resampling passes over nobody who has more than an even share.
+        self.best = int(np.argmax(chosen == self.best))
         return np.asarray(chosen)
 
 

@@ -33,6 +33,8 @@ def locate(maps: Maps, scan: Scan, count: int = 1) -> tuple[Array, Array]:
     rows, columns = np.nonzero(shown == 0)
     every = max(1, round(_APART / RESOLUTION))
     chosen = (rows % every == 0) & (columns % every == 0)
+    if not chosen.any():
+        chosen[:] = True
     places = corner + (np.column_stack([columns, rows])[chosen] + 0.5) * RESOLUTION
     headings = np.arange(0.0, 2.0 * np.pi, _TURN)
     if not len(places) or not scan.returned.any():

@@ -21,8 +21,9 @@ RESOLUTION = 0.05
 """m"""
 SIDE = 32
 """cells along each side of a tile"""
-HITS, VISITS, MEAN_X, MEAN_Y, CELL = range(5)
-"""Places in a cell: beams that ended in it; beams that ended in it or passed it; mean of the ends, m, map frame."""
+HITS, VISITS, MEAN_X, MEAN_Y, ENDS, CELL = range(6)
+"""Places in a cell: scans that ended in it; scans that ended in it or passed it; mean of the ends of all their beams,
+m, map frame, and how many these were."""
 OCCUPIED = 0.25
 """Share of hits from which on a cell is occupied. Beams graze what stands: less than half of them end in it."""
 FREE, PASSED, HIT = 0, 1, 2
@@ -57,7 +58,7 @@ class Maps:
         """Return one map for all particles, which they share.
 
         Args:
-            shown: (H, W), row y first, 0 free, 100 occupied, 255 unknown; corner: (2,), m.
+            shown: (H, W), row y first, 0 free, 100 occupied, 255 unknown; corner: (2,), m, whole cells from the origin.
         """
         maps = cls.of(particles)
         low = np.floor(corner / RESOLUTION + 0.5).astype(int)
@@ -68,7 +69,7 @@ class Maps:
         whole[skip[1] : skip[1] + shown.shape[0], skip[0] : skip[0] + shown.shape[1]] = shown
         seen, occupied = whole != 255, whole == 100
         cells = np.zeros((h * SIDE, w * SIDE, CELL), np.float32)
-        cells[..., VISITS], cells[..., HITS] = seen, occupied
+        cells[..., VISITS], cells[..., HITS], cells[..., ENDS] = seen, occupied, occupied
         middle = (np.arange(max(h, w) * SIDE) + 0.5) * RESOLUTION
         cells[..., MEAN_X] = middle[None, : w * SIDE] + first[0] * SIDE * RESOLUTION
         cells[..., MEAN_Y] = middle[: h * SIDE, None] + first[1] * SIDE * RESOLUTION
@@ -104,6 +105,8 @@ class Maps:
             start: (2,), m, base frame: the sensor.
             cap: visits that a cell remembers at most: what came before fades.
         """
+        if not len(ends):
+            return
         c, s = np.cos(pose[2]), np.sin(pose[2])
         turned = np.array([[c, s], [-s, c]])
         there, origin = ends @ turned + pose[:2], start @ turned + pose[:2]
@@ -233,9 +236,7 @@ def _draw(
             continue
         i, j = int(scaled[k, 0]), int(scaled[k, 1])
         cell = cells[index[j // SIDE, i // SIDE], j % SIDE, i % SIDE]
-        if cell[MEAN_X] == 0.0 and cell[MEAN_Y] == 0.0:
-            cell[MEAN_X], cell[MEAN_Y] = ends[k, 0], ends[k, 1]
-            continue
-        share = 1.0 / max(cell[HITS], 1.0)
+        cell[ENDS] = min(cell[ENDS], cap) + 1.0
+        share = 1.0 / cell[ENDS]
         cell[MEAN_X] += share * (ends[k, 0] - cell[MEAN_X])
         cell[MEAN_Y] += share * (ends[k, 1] - cell[MEAN_Y])

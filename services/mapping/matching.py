@@ -184,9 +184,9 @@ def search(
                 ox, oy = tried[0] / RESOLUTION, tried[1] / RESOLUTION
                 total = 0.0
                 for k in range(len(ends)):
-                    i, j = int(px[k] + ox), int(py[k] + oy)
-                    if 0 <= i < w and 0 <= j < h:
-                        total += field[j, i]
+                    fx, fy = px[k] + ox, py[k] + oy
+                    if 0.0 <= fx < w and 0.0 <= fy < h:
+                        total += field[int(fy), int(fx)]
                 value = weight * total / max(len(ends), 1) + prior(tried, expected, information)
                 if value > best:
                     best = value
@@ -212,9 +212,8 @@ def everywhere(field: Tiles, x0: float, y0: float, places: Array, ends: Array, h
         for p in range(len(places)):
             total = 0.0
             for k in range(len(ends)):
-                i = int((px[k] + places[p, 0]) / RESOLUTION)
-                j = int((py[k] + places[p, 1]) / RESOLUTION)
-                if 0 <= i < w and 0 <= j < h:
-                    total += field[j, i]
+                fx, fy = (px[k] + places[p, 0]) / RESOLUTION, (py[k] + places[p, 1]) / RESOLUTION
+                if 0.0 <= fx < w and 0.0 <= fy < h:
+                    total += field[int(fy), int(fx)]
             out[p, a] = total / max(len(ends), 1)
     return out

@@ -27,10 +27,11 @@ class Arrival:
     """stamp, s; x, y, m, map frame; yaw, rad, continuous; 0 where none is seen"""
 
     def needed(self, variance: float, speed: float) -> float:
-        """Return over how long, s, to observe for the slope to be known to `speed` m/s by two standard deviations.
+        """Return over how long, s, to observe for the slope to be known to `speed` by two standard deviations.
 
         Args:
-            variance: m^2, of an observation. That of a slope over T s with n of them is 12 variance / (n T^2).
+            variance: m^2 (rad^2), of an observation. That of a slope over T s with n of them is 12 variance / (n T^2).
+            speed: m/s (rad/s).
         """
         if len(self.seen) < 2:
             return 0.0
@@ -59,7 +60,7 @@ class Arrival:
         t = t - t.mean()
         return math.hypot(t @ x, t @ y) / float(t @ t), abs(t @ yaw) / float(t @ t)
 
-    def mean(self) -> tuple[float, float, float]:
-        """Return the mean position, m, and yaw, rad."""
-        _, x, y, yaw = np.array(self.seen).mean(axis=0)
-        return float(x), float(y), float(yaw)
+    def mean(self) -> tuple[float, float, float, float]:
+        """Return of how long ago the mean is, s, the mean position, m, and yaw, rad."""
+        t, x, y, yaw = np.array(self.seen).mean(axis=0)
+        return float(self.seen[-1][0] - t), float(x), float(y), float(yaw)

@@ -153,7 +153,7 @@ class TaskService(Service):
             return
         status = self.state.status
         if object.visibility == Visibility.LOST:
-            self.state.arrival = Arrival()
+            self.state.arrival, self.state.within = Arrival(), 0
             if status.phase == PushPhase.PUSHING:
                 status.phase = PushPhase.WAITING
                 yield self.say("object lost from view", now, "WARNING")
@@ -251,17 +251,19 @@ class TaskService(Service):
         if goal.strategy == "predictive":
             arrival = self.state.arrival
             rest = max(config.rest, arrival.needed(variance, config.rest_speed))
+            if turned:
+                rest = max(rest, arrival.needed(object.yaw_variance, config.rest_turn))
             arrival.add(object, rest)
             if not arrival.covers(rest):
                 return False
             speed, turning = arrival.speed()
             if speed > config.rest_speed or (turned and turning > config.rest_turn):
                 return False
-            x, y, yaw = arrival.mean()
-            # The mean is of half the rest ago: what still creeps has gone on since.
-            left = math.hypot(goal.position.x - x, goal.position.y - y) + 0.5 * rest * speed
+            age, x, y, yaw = arrival.mean()
+            # What still creeps has gone on since.
+            left = math.hypot(goal.position.x - x, goal.position.y - y) + age * speed
+            yaw_left = abs(difference(yaw, goal.yaw)) + age * turning
             count = len(arrival.seen)
-            yaw_left = abs(difference(yaw, goal.yaw))
         if left + 2.0 * math.sqrt(variance / count) > goal.precision:
             return False
         return not turned or yaw_left + 2.0 * math.sqrt(object.yaw_variance / count) <= goal.yaw_precision

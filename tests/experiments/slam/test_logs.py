@@ -60,16 +60,20 @@ def test_a_raw_log_has_nothing_to_compare_with(tmp_path: Path) -> None:
 
 
 def test_a_laser_that_says_how_it_looks(tmp_path: Path) -> None:
-    """ROBOTLASER1: type, start, field of view, resolution, ...; then the laser's pose and the robot's."""
-    lines = [
-        f"ROBOTLASER1 0 -1.0 2.0 0.5 30 0.01 0 5 1 2 3 4 5 0 {x} 0 0 {x} 0 0 0 0 0 0 0 1.0 host 1.0" for x in (0.0, 0.3)
-    ]
+    """ROBOTLASER1: type, start, field of view, resolution, maximum...; then the laser's pose and the robot's."""
+    lines = []
+    for x in (0.0, 0.1):
+        lines += [odom(np.array([x - 0.04, 0.0, 0.0]))] if x else []
+        lines += [f"ROBOTLASER1 0 -1.0 2.0 0.5 5 0.01 0 5 1 2 3 4 5 0 {x + 0.2} 0 0 {x} 0 0 0 0 0 0 0 1.0 host 1.0"]
     file = tmp_path / "a.log"
     file.write_text("\n".join(lines))
     log = read(file)
-    assert log.ranges[1].tolist() == [1, 2, 3, 4, 5]
+    assert log.ranges[1].tolist() == [1, 2, 3, 4, math.inf], "5 m is the most it measures: nothing was met"
     assert log.angles[0] == pytest.approx([-1.0, -0.5, 0.0, 0.5, 1.0])
-    assert log.steps[1] == pytest.approx([0.3, 0.0, 0.0])
+    assert log.mount == pytest.approx([0.2, 0.0, 0.0])
+    # The base's own pose, as the laser's line has it: the odometry before it is older.
+    assert log.steps[1] == pytest.approx([0.1, 0.0, 0.0])
+    assert log.reference is None
 
 
 @pytest.mark.parametrize(
@@ -89,6 +93,21 @@ def test_what_is_wrong_is_named(text: str, why: str, tmp_path: Path) -> None:
     file.write_text(text)
     with pytest.raises(BadLog, match=why.replace("(", r"\(")):
         read(file)
+
+
+@given(st.integers(0, 10_000), st.integers(0, 255))
+def test_a_changed_byte_is_read_or_refused_with_words(
+    tmp_path_factory: pytest.TempPathFactory, place: int, byte: int
+) -> None:
+    text = "\n".join(line for k in range(3) for line in (odom(np.full(3, 0.1 * k)), flaser(np.full(3, 0.1 * k))))
+    data = bytearray(gzip.compress(text.encode()))
+    data[place % len(data)] = byte
+    file = tmp_path_factory.mktemp("logs") / "a.log.gz"
+    file.write_bytes(data)
+    try:
+        assert np.isfinite(read(file).steps).all()
+    except BadLog as error:
+        assert str(file) in str(error)
 
 
 @given(st.binary(max_size=300))
@@ -111,6 +130,22 @@ def test_arrays_are_read_and_their_shapes_checked(tmp_path: Path) -> None:
     np.savez(file, ranges=ranges, odom=odometry[:1], aperture=math.pi)
     with pytest.raises(BadLog, match=r"ranges \(2, 5\) and odom \(1, 3\)"):
         read(file)
+    for name, bad in (
+        ("aperture", np.nan),
+        ("sensor_pose", [0.1, np.inf, 0.0]),
+        ("max_range", "far"),
+        ("aperture", [1, 2]),
+    ):
+        np.savez(file, **{"ranges": ranges, "odom": odometry, "aperture": math.pi, name: bad})
+        with pytest.raises(BadLog):
+            read(file)
+    np.savez(file, ranges=ranges, odom=odometry * 1e9, aperture=math.pi)
+    with pytest.raises(BadLog, match="within 10000 m"):
+        read(file)
+    np.save(tmp_path / "b.npy", ranges)
+    (tmp_path / "b.npy").rename(tmp_path / "b.npz")
+    with pytest.raises(BadLog):
+        read(tmp_path / "b.npz")
     np.savez(file, ranges=ranges)
     with pytest.raises(BadLog, match="without aperture, odom"):
         read(file)

@@ -58,6 +58,7 @@ def test_a_map_comes_back_as_it_was_written(
         (TEXT.replace("1.0", ".nan"), "expected finite ones"),
         (TEXT.replace("0.05", "0.1"), "resolution 0.1 m and yaw 0.0 rad; expected 0.05 m"),
         (TEXT.replace("0.0]", "0.7]"), "yaw 0.7 rad"),
+        (TEXT.replace("0.05", ".nan"), "resolution nan m"),
         (TEXT + "mode: raw\n", "mode raw; expected trinary"),
         (TEXT + "free_thresh: 0.9\n", "thresholds 0.9 and 0.65"),
         (TEXT, "a.pgm: no picture that can be read"),
@@ -91,6 +92,11 @@ def test_a_base_put_down_anywhere_finds_itself_and_stays_found(figures: Figures)
     assert errors.max() < 0.06
     shown, _ = Maps.known(cells, corner, 1).picture(0)
     assert np.array_equal(found.cells, shown), "a given map is not drawn on"
+    # A map whose cells do not lie on ours, as those of others do: nothing is moved by that.
+    off = np.array([0.024, -0.017])
+    again = run(log, FilterConfig(particles=10), lambda: None, (cells, corner + off))
+    assert np.hypot(*(again.poses - np.array(true))[:, :2].T - off[:, None]).max() < 0.06
+    assert np.abs((again.poses - found.poses)[:, :2] - off).mean() < 0.002
     with pytest.raises(NotFound):
         run(log, FilterConfig(), lambda: None, (np.full((10, 10), 100, np.uint8), np.zeros(2)))
 

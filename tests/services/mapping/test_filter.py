@@ -129,3 +129,7 @@ def test_particles_are_drawn_anew_by_their_weights_and_only_if_few_count() -> No
     assert np.abs(counts - 8 * np.array([0.48, 0.02, 0.4, 0.02, 0.02, 0.02, 0.02, 0.02])).max() < 1.0
     assert (particles.poses[:, 0] == chosen).all()
     assert not particles.log_weights.any()
+    particles.log_weights = np.log(np.array([0.05, 0.73, 0.02, 0.04, 0.04, 0.04, 0.04, 0.04]))
+    particles.poses[:, 0], particles.best = np.arange(8), 1
+    assert particles.select() is not None
+    assert particles.poses[particles.best, 0] == 1.0, "the best stays the best"

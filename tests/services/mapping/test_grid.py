@@ -132,6 +132,18 @@ def test_what_goes_and_what_comes_is_taken_up_within_two_seconds() -> None:
     assert 1 < scans_until(True, here) <= 20
 
 
+def test_a_cell_knows_the_mean_of_all_ends_in_it() -> None:
+    maps = Maps.of(1)
+    for ends in ([1.001, 1.049, 1.002], [1.020]):
+        beams = np.array([[x, 0.01] for x in ends])
+        maps.draw(0, HERE, beams, np.full(len(ends), True), START, 1e6)
+    cell = value(maps, 1.02, 0.01)
+    assert cell[MEAN_X] == pytest.approx((1.001 + 1.049 + 1.002 + 1.020) / 4)
+    assert (cell[HITS], cell[VISITS]) == (2.0, 2.0), "a scan counts once"
+    maps.draw(0, HERE, np.empty((0, 2)), np.empty(0, bool), START, 1e6)
+    assert value(maps, 1.02, 0.01)[HITS] == 2.0, "a scan that saw nothing draws nothing"
+
+
 def test_the_laser_of_these_tests_is_right() -> None:
     pose = np.array([1.0, 1.0, 0.0])
     found = ranges_at(pose)

@@ -169,6 +169,22 @@ def test_to_turn_again_what_was_turned_away_on_the_way_is_progress() -> None:
     assert time == math.inf, status
 
 
+@pytest.mark.parametrize("period", [0.05, 1.0])
+def test_what_creeps_or_turns_is_judged_by_where_it_has_come_to(period: float) -> None:
+    """Slower than what counts as at rest, and out at the end of the window, of which the mean is within."""
+
+    def creeping(time: float) -> tuple[float, float, None]:
+        return GOAL[0] + 0.049 + 0.039 * (time - 5.0), 0.0, None
+
+    def turning(time: float) -> tuple[float, float, float]:
+        return GOAL[0], 0.0, 0.5 + 0.26 + 0.19 * (time - 5.0) if time >= 5.0 - 2.0 * period else 2.0
+
+    time, _ = followed(creeping, period=period, seconds=8.0)
+    assert time == math.inf or abs(creeping(time)[0] - GOAL[0]) <= 0.05
+    time, _ = followed(turning, period=period, seconds=8.0, yaw=0.5)
+    assert time == math.inf or abs(turning(time)[2] - 0.5) <= 0.2618
+
+
 @given(st.lists(st.tuples(st.floats(0.01, 0.5), st.floats(-1, 1), st.floats(-1, 1)), min_size=3, max_size=30))
 def test_slopes_are_those_of_numpy(steps: list[tuple[float, float, float]]) -> None:
     arrival, now = Arrival(), 0
