@@ -1,1 +1,1 @@
-"""Mapping and localisation on laser logs made by others."""
+"""Mapping and localisation on laser logs, made by others or recorded here."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from experiments.slam.logs import BadLog, Log
 from replays.inspect.errors import Unreadable
 from replays.inspect.session import Track, read_session
+from replays.inspect.shapes import pose_at
 from runtime.messages import LaserScan, ObjectState, Odometry, Pose2, RobotPose, Truth, Visibility
 from runtime.time import SECOND
 from services.mapping.filter import between
@@ -67,10 +68,7 @@ def of_session(file: Path) -> Log:
 def _poses(stamped: list[tuple[int, Pose2]], stamps: Stamps) -> Array:
     """Return the poses at `stamps`, (K, 3), between those that are known."""
     times = np.array([one[0] for one in stamped], np.int64)
-    found = np.array([(pose.x, pose.y, pose.theta) for _, pose in stamped])
-    found[:, 2] = np.unwrap(found[:, 2])
-    since = (stamps - times[0]).astype(np.float64)
-    return np.column_stack([np.interp(since, (times - times[0]).astype(np.float64), one) for one in found.T])
+    return pose_at(stamps, times, np.array([(pose.x, pose.y, pose.theta) for _, pose in stamped]))
 
 
 def _object(objects: Track[ObjectState], robots: Track[RobotPose], stamp: int) -> tuple[Array, float] | None:

@@ -19,15 +19,16 @@ _RANDOM = 0.02
 """share of beams that end anywhere: what moves, what is not mapped yet"""
 
 
-@njit("b1(f4[:,:,:,::1],i4[:,::1],i8,i8)", cache=True)
-def _occupied(cells: Tiles, index: Indices, i: int, j: int) -> bool:
+@njit("i8(f4[:,:,:,::1],i4[:,::1],i8,i8)", cache=True)
+def _occupied(cells: Tiles, index: Indices, i: int, j: int) -> int:
+    """Return the tile that the cell (i, j) is in if something is there, else -1."""
     if i < 0 or j < 0 or i >= index.shape[1] * SIDE or j >= index.shape[0] * SIDE:
-        return False
+        return -1
     tile = index[j // SIDE, i // SIDE]
     if tile < 0:
-        return False
+        return -1
     cell = cells[tile, j % SIDE, i % SIDE]
-    return cell[VISITS] > 0.0 and cell[HITS] >= OCCUPIED * cell[VISITS]
+    return tile if cell[VISITS] > 0.0 and cell[HITS] >= OCCUPIED * cell[VISITS] else -1
 
 
 @njit("f8(f4[:,:,:,::1],i4[:,::1],i8,i8,f8[::1],f8[:,::1],f8[::1],f8)", cache=True)
@@ -60,17 +61,13 @@ def agreement(
         for dj in range(-1, 2):
             for di in range(-1, 2):
                 u, v = i + di, j + dj
-                if u < 0 or v < 0 or u >= index.shape[1] * SIDE or v >= index.shape[0] * SIDE:
-                    continue
-                tile = index[v // SIDE, u // SIDE]
+                tile = _occupied(cells, index, u, v)
                 if tile < 0:
                     continue
                 cell = cells[tile, v % SIDE, u % SIDE]
-                if cell[HITS] < OCCUPIED * cell[VISITS] or cell[VISITS] == 0.0:
-                    continue
                 mx, my = cell[MEAN_X] - ex, cell[MEAN_Y] - ey
                 off = mx * mx + my * my
-                if off < best and not _occupied(cells, index, u + bi, v + bj):
+                if off < best and _occupied(cells, index, u + bi, v + bj) < 0:
                     best = off
         total += math.log(_RANDOM + (1.0 - _RANDOM) * math.exp(-0.5 * best / (sigma * sigma)))
     return total / max(len(ends), 1)
@@ -157,6 +154,18 @@ def likelihood_field(shown: NDArray[np.uint8], sigma: float) -> Tiles:
     return np.exp(-0.5 * (distance * (RESOLUTION / sigma)) ** 2)
 
 
+@njit("f8(f4[:,::1],f8[::1],f8[::1],f8,f8)", cache=True)
+def _total(field: Tiles, px: Array, py: Array, ox: float, oy: float) -> float:
+    """Return the sum of the field over points, (N,) and (N,), moved by (ox, oy), all in cells; 0 beyond the field."""
+    h, w = field.shape
+    total = 0.0
+    for k in range(len(px)):
+        fx, fy = px[k] + ox, py[k] + oy
+        if 0.0 <= fx < w and 0.0 <= fy < h:
+            total += field[int(fy), int(fx)]
+    return total
+
+
 @njit("void(f4[:,::1],f8,f8,f8[::1],f8[:,::1],f8,f8[::1],f8[:,::1],f8,i8,f8,i8)", cache=True)
 def search(
     field: Tiles, x0: float, y0: float, pose: Array, ends: Array, weight: float, expected: Array, information: Array,
@@ -168,7 +177,6 @@ def search(
         field: (H, W), see `likelihood_field`; x0, y0: m, its corner.
         step, turn: m and rad; steps, turns: of them to either side.
     """
-    h, w = field.shape
     best, origin, tried = -np.inf, pose.copy(), np.empty(3)
     px, py = np.empty(len(ends)), np.empty(len(ends))
     for a in range(-turns, turns + 1):
@@ -182,11 +190,7 @@ def search(
             for d in range(-steps, steps + 1):
                 tried[1] = origin[1] + d * step
                 ox, oy = tried[0] / RESOLUTION, tried[1] / RESOLUTION
-                total = 0.0
-                for k in range(len(ends)):
-                    fx, fy = px[k] + ox, py[k] + oy
-                    if 0.0 <= fx < w and 0.0 <= fy < h:
-                        total += field[int(fy), int(fx)]
+                total = _total(field, px, py, ox, oy)
                 value = weight * total / max(len(ends), 1) + prior(tried, expected, information)
                 if value > best:
                     best = value
@@ -201,19 +205,14 @@ def everywhere(field: Tiles, x0: float, y0: float, places: Array, ends: Array, h
         field: see `likelihood_field`; x0, y0: m, its corner.
         places: (P, 2), m; headings: (A,), rad.
     """
-    h, w = field.shape
     out = np.zeros((len(places), len(headings)))
     px, py = np.empty(len(ends)), np.empty(len(ends))
     for a in range(len(headings)):
         c, s = math.cos(headings[a]), math.sin(headings[a])
         for k in range(len(ends)):
-            px[k] = c * ends[k, 0] - s * ends[k, 1] - x0
-            py[k] = s * ends[k, 0] + c * ends[k, 1] - y0
+            px[k] = (c * ends[k, 0] - s * ends[k, 1] - x0) / RESOLUTION
+            py[k] = (s * ends[k, 0] + c * ends[k, 1] - y0) / RESOLUTION
         for p in range(len(places)):
-            total = 0.0
-            for k in range(len(ends)):
-                fx, fy = (px[k] + places[p, 0]) / RESOLUTION, (py[k] + places[p, 1]) / RESOLUTION
-                if 0.0 <= fx < w and 0.0 <= fy < h:
-                    total += field[int(fy), int(fx)]
+            total = _total(field, px, py, places[p, 0] / RESOLUTION, places[p, 1] / RESOLUTION)
             out[p, a] = total / max(len(ends), 1)
     return out

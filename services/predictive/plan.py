@@ -86,7 +86,7 @@ _TIRED, _ON_THE_WAY = 0.5, 2.0
 """s more that it costs, pushing and walking"""
 _ASKEW, _TURN_FROM = 2.0, 0.8
 """m to push for each rad to turn, and m before the goal from which that grows"""
-_AT_REST, _UNTURNED = 0.04, 0.2
+AT_REST, _UNTURNED = 0.04, 0.2
 """m/s and rad/s below which an object is at rest"""
 _IN_VAIN = 1000.0
 """s: to wait where nothing comes of it"""
@@ -229,7 +229,7 @@ def rollout(
         askew = max(0.0, abs(wrapped(state[YAW] - settings[GOAL_YAW])) - settings[TURNED])
         there = gx * gx + gy * gy < settings[PRECISION] * settings[PRECISION] and askew == 0.0
         there = there and (settings[TURNED] >= math.pi or abs(state[OMEGA]) < _UNTURNED)
-        if there and state[VX] * state[VX] + state[VY] * state[VY] < _AT_REST * _AT_REST:
+        if there and state[VX] * state[VX] + state[VY] * state[VY] < AT_REST * AT_REST:
             return cost
         depth = lookup(values, x0, y0, resolution, state[X], state[Y])
         own = lookup(values, x0, y0, resolution, state[RX], state[RY])

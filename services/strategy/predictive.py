@@ -57,8 +57,6 @@ _STANDING = 0.02
 """m/s of a robot that stands"""
 _MOVED = 0.03
 """m that an object moves, where it does"""
-_AT_REST = 0.04
-"""m/s of an object that lies"""
 _JUDGED = 1.5
 """s that the task is given to judge whether what lies within the precision is delivered"""
 _PAIRS, _VARIANTS = 24, 36
@@ -226,7 +224,7 @@ def _waits(state: PlannerState, start: Array, goal: PushGoal, now: int) -> bool:
     Plans aim at less than the precision, and noise keeps the task from judging at once.
     """
     gx, gy = goal.position.x - start[X], goal.position.y - start[Y]
-    there = math.hypot(gx, gy) <= goal.precision and math.hypot(start[VX], start[VY]) < _AT_REST
+    there = math.hypot(gx, gy) <= goal.precision and math.hypot(start[VX], start[VY]) < plan.AT_REST
     if goal.HasField("yaw"):
         there = there and abs(difference(float(start[YAW]), goal.yaw)) <= goal.yaw_precision
     if state.since > state.arrived:

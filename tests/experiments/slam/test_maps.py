@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +20,10 @@ from services.mapping.filter import between
 from services.mapping.globally import locate
 from services.mapping.grid import RESOLUTION, Maps
 from services.mapping.scan import Scan
+from tests.experiments.slam.shared import SHARED, needed
 from tests.figures import Figures
 from tests.services.mapping.rooms import ANGLES, MOUNT, ROUND, ranges_at, scan_at
 
-SHARED = Path(os.environ.get("PUSHLANE_SHARED", Path(__file__).parents[4] / "shared" / "data"))
 IKEA = SHARED / "maps" / "ikea.yaml"
 TEXT = "image: a.pgm\nresolution: 0.05\norigin: [1.0, 2.0, 0.0]\n"
 
@@ -116,7 +115,7 @@ def cast(occupied: np.ndarray, corner: np.ndarray, pose: np.ndarray) -> np.ndarr
 
 
 @pytest.mark.shared
-@pytest.mark.skipif(not IKEA.is_file(), reason=f"{IKEA} is not there; PUSHLANE_SHARED names the shared data folder")
+@needed(IKEA)
 def test_one_scan_is_enough_in_a_real_flat(figures: Figures) -> None:
     cells, corner = read(IKEA)
     assert cells.shape == (384, 384) and corner.tolist() == [-10.0, -10.0]

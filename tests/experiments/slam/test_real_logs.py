@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,15 +9,12 @@ from experiments.slam.logs import Log, read
 from experiments.slam.metric import agreement, revisits, successive
 from experiments.slam.whole import Mapped, run
 from services.mapping.config import FilterConfig
+from tests.experiments.slam.shared import SHARED, needed
 from tests.figures import Figures
 
-SHARED = Path(os.environ.get("PUSHLANE_SHARED", Path(__file__).parents[4] / "shared" / "data"))
 LOGS = SHARED / "slam"
 
-pytestmark = [
-    pytest.mark.shared,
-    pytest.mark.skipif(not LOGS.is_dir(), reason=f"{LOGS} is not there; PUSHLANE_SHARED names the shared data folder"),
-]
+pytestmark = [pytest.mark.shared, needed(LOGS)]
 
 
 def mapped(name: str, scans: int = 0, particles: int = 30) -> tuple[Log, Mapped]:
