@@ -58,6 +58,11 @@ ODOMETRY = Topic("odometry", m.Odometry, rate=20, tolerances=(("pose", 0.02), ("
 SCAN = Topic("scan", m.LaserScan, rate=10, delivery=Delivery.LATEST, tolerances=(("ranges", 0.2),))
 RANGES = Topic("ranges", m.RangeArray, rate=20, delivery=Delivery.LATEST, tolerances=(("distance", 0.2),))
 STATUS = Topic("status", m.RobotStatus, rate=5, latched=True)
+# A camera's picture is drawn by the machine's graphics: where that differs, pictures do.
+IMAGE = Topic("image", m.CompressedImage, rate=10, delivery=Delivery.LATEST)
+DEPTH = Topic("depth", m.CompressedImage, rate=10, delivery=Delivery.LATEST)
+CALIBRATION = Topic("calibration", m.CameraCalibration, latched=True)
+CAMERA_MOUNT = Topic("camera/mount", m.FrameTransform, latched=True)
 ROBOT_POSE = Topic("robot/pose", m.RobotPose, rate=20, delivery=Delivery.LATEST)
 MAP = Topic("map", m.OccupancyGrid, latched=True)
 OBJECT_STATE = Topic("object/state", m.ObjectState, rate=20, delivery=Delivery.LATEST)
@@ -77,6 +82,10 @@ _TABLE: tuple[Topic[Any], ...] = (
     SCAN,
     RANGES,
     STATUS,
+    IMAGE,
+    DEPTH,
+    CALIBRATION,
+    CAMERA_MOUNT,
     ROBOT_POSE,
     MAP,
     OBJECT_STATE,

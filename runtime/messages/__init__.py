@@ -1,5 +1,8 @@
 """Every message on the bus: our own, generated from the .proto files beside, and Foxglove's."""
 
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
@@ -36,10 +39,13 @@ from runtime.messages.world_pb2 import ObjectState, OccupancyGrid, RobotPose, Tr
 
 __all__ = [
     "Alive",
+    "CameraCalibration",
     "CancelRequest",
+    "CompressedImage",
     "Corridor",
     "EntryKind",
     "FailureCause",
+    "FrameTransform",
     "Health",
     "InputHealth",
     "Journal",
