@@ -14,6 +14,7 @@ from msgspec import Meta
 
 from drivers.sapien import objects, scene, variants
 from drivers.sapien.base import BaseModel
+from experiments.dynamic import changing
 from runtime import registry
 from runtime.bus.config import BusConfig
 from runtime.config.layers import ConfigError, Effective, Layer, effective
@@ -32,8 +33,13 @@ from services.names import CONTROLLERS, STRATEGIES
 if TYPE_CHECKING:
     from runtime.lockstep.run import Spread
 
-NODES = ("driver", "perception", "corridor", "strategy", "learner", "controller", "task")
-"""In scheduling order: it breaks ties between timers."""
+_SKILL = ("corridor", "strategy", "learner", "controller", "task")
+SYSTEMS = {
+    "truth": ("driver", "perception", *_SKILL),
+    "sensors": ("driver", "camera", "mapping", "tracker", *_SKILL),
+}
+"""The services of a session by its perception, in scheduling order: it breaks ties between timers."""
+NODES = SYSTEMS["truth"]
 
 DEFAULT_SCENE = "living-room"
 
@@ -72,8 +78,16 @@ class SimConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         float, Meta(ge=0, le=2, description="between floor and an object that slides; 0: drawn from its range")
     ] = 0.0
     perception: Annotated[
-        Literal["truth"], Meta(description="truth: positions from the simulation, with noise and delay")
+        Literal["truth", "sensors"],
+        Meta(
+            description="sensors: from camera, laser, infra-red and odometry; truth: positions from the simulation, "
+            "with noise and delay"
+        ),
     ] = "truth"
+    changing: Annotated[
+        bool, Meta(description="while pushing, two things are put into the corridor and one is taken away")
+    ] = False
+    tagged: Annotated[bool, Meta(description="whether the object bears tags for the camera")] = True
 
 
 @dataclass(frozen=True)
@@ -84,14 +98,19 @@ class Session:
     effective: Effective
     goal: PushGoal
 
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Return the names of the services, in scheduling order."""
+        return SYSTEMS[self.sim.perception]
+
     def services(self) -> list[Service]:
         """Return the services, freshly built, in scheduling order."""
-        return [registry.service_class(name)(self.effective.sections[name]) for name in NODES]
+        return [registry.service_class(name)(self.effective.sections[name]) for name in self.nodes]
 
     def plan(self) -> Plan:
         """Return what the processes of a live system need to know."""
         sections = {name: msgspec.to_builtins(section) for name, section in self.effective.sections.items()}
-        return Plan(robot=sections["bus"]["robot"], seed=self.sim.seed, nodes=list(NODES), sections=sections)
+        return Plan(robot=sections["bus"]["robot"], seed=self.sim.seed, nodes=list(self.nodes), sections=sections)
 
     def json(self) -> bytes:
         """Return the effective configuration as the recording holds it."""
@@ -99,13 +118,16 @@ class Session:
 
 
 def kinds() -> dict[str, type[msgspec.Struct]]:
-    """Return the structure of every section of the configuration."""
+    """Return the structure of every section of the configuration, whichever services run."""
     return {
         "sim": SimConfig,
         "timing": TimingConfig,
         "bus": BusConfig,
         "live": LiveConfig,
-        **{name: registry.service_class(name).Config for name in NODES},
+        **{
+            name: registry.service_class(name).Config
+            for name in dict.fromkeys(name for names in SYSTEMS.values() for name in names)
+        },
     }
 
 
@@ -126,12 +148,10 @@ def prepare(layers: Sequence[Layer]) -> Session:
             raise ConfigError(f"{origin}: sim.{key}: no {key} is called '{name}'; expected one of {', '.join(known)}")
     drawn, place = _draw(found)
     whole = effective(kinds(), [drawn, *layers])
-    driver, perception = (msgspec.to_builtins(whole.sections[name])["scene"] for name in ("driver", "perception"))
-    if driver != perception:
-        origin = next(
-            (origin for key, origin in whole.origins.items() if ".scene." in key and origin != drawn.origin), ""
-        )
-        raise ConfigError(f"{origin}: driver.scene and perception.scene differ: the map would not be of this world")
+    nodes = SYSTEMS[found.perception]
+    unused = {name for names in SYSTEMS.values() for name in names} - set(nodes)
+    whole = Effective({name: one for name, one in whole.sections.items() if name not in unused}, whole.origins)
+    _of_one_world(whole, nodes[1], drawn.origin)
     x, y = found.goal or (place.x, place.y)
     goal = PushGoal(
         position=Vector2(x=x, y=y),
@@ -143,6 +163,14 @@ def prepare(layers: Sequence[Layer]) -> Session:
         time_limit=found.time_limit,
     )
     return Session(found, whole, goal)
+
+
+def _of_one_world(whole: Effective, other: str, drawn: str) -> None:
+    """Refuse a configuration in which the driver and what stands in for eyes have another scene."""
+    scenes = [msgspec.to_builtins(whole.sections[name])["scene"] for name in ("driver", other)]
+    if scenes[0] != scenes[1]:
+        origin = next((origin for key, origin in whole.origins.items() if ".scene." in key and origin != drawn), "")
+        raise ConfigError(f"{origin}: driver.scene and {other}.scene differ: the map would not be of this world")
 
 
 def run(
@@ -164,13 +192,13 @@ def run(
     with ExitStack() as stack:
         if record is not None:
             mode = "local" if lockstep is None else "lockstep"
-            head = header.of_this_machine(mode, session.sim.seed, list(NODES))
+            head = header.of_this_machine(mode, session.sim.seed, list(session.nodes))
             sinks = [stack.enter_context(Recorder(record, head, session.json(), overwrite)), *sinks]
         if lockstep is None:
             return push(session.services(), session.goal, sinks, timing.timing(), watch, guarded)
         from runtime.lockstep.run import workers
 
-        nodes = stack.enter_context(workers(session.effective.sections, NODES, lockstep))
+        nodes = stack.enter_context(workers(session.effective.sections, session.nodes, lockstep))
         return push_nodes(nodes, session.goal, sinks, timing.timing(), watch)
 
 
@@ -178,13 +206,17 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
     """Return what scene, object and seed decide, as the weakest layer, and the scene's own goal."""
     room = scene.get(sim.scene)
     name = sim.object or room.default_object
-    words = [int(word) >> 1 for word in np.random.SeedSequence(sim.seed).generate_state(3, np.uint64)]
+    words = [int(word) >> 1 for word in np.random.SeedSequence(sim.seed).generate_state(5, np.uint64)]
     generator = np.random.Generator(np.random.PCG64(words[0]))
     body = objects.draw(objects.get(name), generator)
     body = variants.altered(body, sim.object_diameter, sim.object_mass, sim.object_friction)
     room = variants.widened(room, sim.width, BaseModel().diameter)
     room = variants.started(room, sim.start, BaseModel().diameter, body.diameter, sim.seed)
     room = scene.jittered(room, generator)
+    if sim.changing:
+        if sim.goal is not None:
+            room = msgspec.structs.replace(room, goal=scene.Goal(x=sim.goal[0], y=sim.goal[1]))
+        room = changing(room, body, BaseModel().diameter, sim.seed)
     values = {
         "driver": {
             "seed": words[1],
@@ -199,5 +231,19 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
             "object_noise": room.noise.object_position,
             "object_yaw_noise": room.noise.object_yaw,
         },
+        "camera": {
+            "seed": words[3],
+            "scene": msgspec.to_builtins(room),
+            "body": msgspec.to_builtins(body),
+            "base": msgspec.to_builtins(BaseModel()),
+            "tagged": sim.tagged,
+        },
+        "mapping": {"seed": words[4] >> 10, "start": [room.robot.x, room.robot.y, room.robot.yaw]},
+        "tracker": {
+            "finds": "tags" if sim.tagged else "depth" if room.camera.depth else "appearance",
+            "height": body.height,
+            "diameter": body.diameter if sim.tagged else 0.0,
+        },
+        "corridor": {"unknown": "free"} if sim.perception == "sensors" else {},
     }
     return Layer(f"scene {sim.scene}, object {name}, seed {sim.seed}", values), room.goal

@@ -14,6 +14,9 @@ from runtime.service import Service
 SERVICES: dict[str, str] = {
     "driver": "drivers.sapien.service:SapienDriver",
     "perception": "drivers.sapien.perception:TruthPerception",
+    "camera": "drivers.sapien.camera:SapienCamera",
+    "mapping": "services.mapping.service:MappingService",
+    "tracker": "services.tracker.service:TrackerService",
     "corridor": "services.corridor.service:CorridorService",
     "strategy": "services.strategy.service:StrategyService",
     "learner": "services.learner.service:LearnerService",

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from drivers.sapien.friction import GRAVITY, Floor
-from drivers.sapien.shapes import Coordinate, Disc, Shape, Yaw, bounding_circle, moved
+from drivers.sapien.shapes import Colour, Coordinate, Disc, Shape, Size, Yaw, bounding_circle, moved
 from drivers.sapien.support import Area, SupportError, area, loads
 from runtime.errors import PushlaneError
 
@@ -50,7 +50,8 @@ class ObjectModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     parts: shapes in a frame of the author's choice. rolls: it is a ball, and `friction` is its rolling
     resistance. friction: between area and floor; unused where there are wheels. offset_x, offset_y: m, centre
     of mass from the middle of the floor area. along, across: friction of every wheel in and across its
-    rolling direction. rim: friction between its sides and robot or walls.
+    rolling direction. rim: friction between its sides and robot or walls. height: m, and colour: which only
+    cameras see.
     """
 
     name: str
@@ -65,6 +66,8 @@ class ObjectModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     across: tuple[Friction, Friction] = (0.0, 0.0)
     rim: tuple[Friction, Friction] = (0.2, 0.4)
     rolls: bool = False
+    height: Size = 0.2
+    colour: Colour = "#c08030"
 
     def __post_init__(self) -> None:
         for key in ("mass", "friction", "offset_x", "offset_y", "along", "across", "rim"):
@@ -78,7 +81,7 @@ class ObjectBody(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     diameter: d_o, m. inertial_mass: kg, what a push has to accelerate, 7/5 of the mass for a ball. inertia:
     kg m^2 about the vertical through the centre of mass. centre_x, centre_y: m, centre of mass.
-    friction, along, across, rim, rolls: see ObjectModel.
+    friction, along, across, rim, rolls, height, colour: see ObjectModel.
     """
 
     name: str
@@ -95,6 +98,8 @@ class ObjectBody(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     across: Friction
     rim: Friction
     rolls: bool
+    height: Size = 0.2
+    colour: Colour = "#c08030"
 
 
 def names() -> tuple[str, ...]:
@@ -146,6 +151,8 @@ def draw(model: ObjectModel, generator: np.random.Generator) -> ObjectBody:
         across=across,
         rim=rim,
         rolls=model.rolls,
+        height=model.height,
+        colour=model.colour,
     )
     try:
         floor(body)

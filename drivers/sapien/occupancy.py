@@ -32,8 +32,8 @@ class Grid:
     resolution: float
 
 
-def rasterise(scene: Scene, resolution: float = RESOLUTION) -> Grid:
-    """Return the grid of `scene`'s walls and furniture, without the object; it spans the outer walls.
+def rasterise(scene: Scene, resolution: float = RESOLUTION, time: float = 0.0) -> Grid:
+    """Return the grid of `scene`'s walls and furniture at `time`, s, without the object; it spans the outer walls.
 
     Conservative: a cell that an obstacle overlaps at all is occupied. A shared edge alone is no overlap.
     """
@@ -45,7 +45,7 @@ def rasterise(scene: Scene, resolution: float = RESOLUTION) -> Grid:
     x = origin[0] + (np.arange(width, dtype=np.float64) + 0.5) * resolution
     y = origin[1] + (np.arange(height, dtype=np.float64) + 0.5) * resolution
     taken = np.zeros((height, width), dtype=np.bool_)
-    for shape in scene.obstacles():
+    for shape in scene.obstacles(time):
         taken |= _overlaps(shape, x[np.newaxis, :] - shape.x, y[:, np.newaxis] - shape.y, resolution / 2)
     return Grid(np.where(taken, np.uint8(OCCUPIED), np.uint8(FREE)), origin, resolution)
 

@@ -1,4 +1,4 @@
-"""Perception by truth: stands in for mapping and tracker with their noise and delay, until those exist."""
+"""Perception by truth: stands in for mapping and tracker, with noise and delay like theirs."""
 
 from __future__ import annotations
 
@@ -40,6 +40,17 @@ class BlindState(PerceptionState):
     seen: ObjectState | None = None
 
 
+@dataclass
+class ChangingState(BlindState):
+    """The state where obstacles of the scene come and go.
+
+    Attributes:
+        version: of the map that was published last.
+    """
+
+    version: int = 0
+
+
 class TruthPerception(Service):
     """Publishes robot/pose, map and object/state from the simulation's truth."""
 
@@ -59,6 +70,8 @@ class TruthPerception(Service):
     def __init__(self, config: TruthPerceptionConfig) -> None:
         super().__init__(config)
         kind = BlindState if config.scene.blind else PerceptionState
+        if config.scene.changes():
+            kind = ChangingState
         self.state = kind(np.random.Generator(np.random.PCG64(config.seed)))
 
     @on(truth)
@@ -103,7 +116,13 @@ class TruthPerception(Service):
         self.state.objects.append((now + nanoseconds(float(delays[1])), seen))
         if not self.state.mapped:
             self.state.mapped = True
-            yield self.map(self._grid(now))
+            yield self.map(self._grid(now, 1, 0.0))
+        if isinstance(self.state, ChangingState):
+            since = seconds(now - self.state.began)
+            version = 1 + sum(moment <= since for moment in config.scene.changes())
+            if version > max(1, self.state.version):
+                self.state.version = version
+                yield self.map(self._grid(now, version, since))
 
     @on(tick)
     def publish(self, now: Time) -> Effects:
@@ -127,12 +146,12 @@ class TruthPerception(Service):
         lost.stamp, lost.visibility = there.stamp, Visibility.LOST
         return lost
 
-    def _grid(self, now: Time) -> OccupancyGrid:
-        grid = rasterise(self.config.scene, self.config.map_resolution)
+    def _grid(self, now: Time, version: int, since: float) -> OccupancyGrid:
+        grid = rasterise(self.config.scene, self.config.map_resolution, since)
         height, width = grid.cells.shape
         return OccupancyGrid(
             stamp=now,
-            version=1,
+            version=version,
             resolution=grid.resolution,
             width=width,
             height=height,

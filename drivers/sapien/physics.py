@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from math import atan2, cos, sin
 from typing import TypeAlias
 
@@ -10,13 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.sapien.angles import wrap
+from drivers.sapien.engine import physx, sapien
 from drivers.sapien.shapes import Box, Shape
-
-with warnings.catch_warnings():
-    # Without a system libvulkan sapien says that it uses its own; nothing here draws.
-    warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
-    import sapien
-    from sapien import physx
 
 Body: TypeAlias = physx.PhysxRigidDynamicComponent
 Contact: TypeAlias = physx.PhysxContact
@@ -57,14 +51,15 @@ def material(friction: float) -> Material:
     return physx.PhysxMaterial(friction, friction, 0.0)
 
 
-def add_fixed(scene: sapien.Scene, shapes: tuple[Shape, ...], of: Material) -> None:
-    """Add one body that stands still, made of `shapes`, map frame."""
+def add_fixed(scene: sapien.Scene, shapes: tuple[Shape, ...], of: Material) -> sapien.Entity:
+    """Add one body that stands still, made of `shapes`, map frame, and return it."""
     component = physx.PhysxRigidStaticComponent()
     for shape in shapes:
         component.attach(_collision(shape, (0.0, 0.0), of))
     entity = sapien.Entity()
     entity.add_component(component)
     scene.add_entity(entity)
+    return entity
 
 
 def add_movable(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from drivers.sapien.scene import Scene
 from drivers.sapien.shapes import Disc, Shape, moved
 
 
@@ -36,6 +38,18 @@ def outlines(shapes: tuple[Shape, ...], pose: tuple[float, float, float] = (0.0,
         if not isinstance(one, Disc)
     ]
     return Outlines(np.array(boxes, dtype=np.float64).reshape(-1, 6), np.array(discs, dtype=np.float64).reshape(-1, 3))
+
+
+class Rooms:
+    """The outlines of what stands in a scene, between its changes."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._moments = scene.changes()
+        self._outlines = [outlines(scene.obstacles(moment)) for moment in (0.0, *self._moments)]
+
+    def at(self, time: float) -> Outlines:
+        """Return what stands there at `time`, s since the world began."""
+        return self._outlines[bisect_right(self._moments, time)]
 
 
 @njit("f8[::1](f8[:, ::1], f8[::1], f8, f8[:, ::1], f8[:, ::1])", cache=True)

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from importlib import resources
 from math import pi
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import msgspec
 import numpy as np
 
-from drivers.sapien.shapes import Box, Coordinate, Disc, Shape, Size, Yaw
+from drivers.sapien.optics import CameraModel
+from drivers.sapien.shapes import Box, Colour, Coordinate, Disc, Shape, Size, Yaw
 from runtime.errors import PushlaneError
 
 Noise = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
-Colour = Annotated[str, msgspec.Meta(pattern="^#[0-9a-f]{6}$")]
+
+Moment = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
+
+FOR_EVER = 1e6
+"""s"""
 
 WALL = 0.1
 """Thickness of a room's outer walls, m; they stand just outside its bounds."""
@@ -42,25 +47,45 @@ class Bounds(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class BoxObstacle(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A wall or furniture: centre m, yaw rad, length along its own x and width along its own y, m."""
+    """A wall or furniture: centre m, yaw rad, length along its own x and width along its own y, m.
+
+    height: m, which only cameras see. since, until: s since the world began; it stands there from then to then.
+    """
 
     x: Coordinate
     y: Coordinate
     length: Size
     width: Size
     yaw: Yaw = 0.0
+    height: Size = 0.7
     label: str = ""
     colour: Colour = "#9a9a9a"
+    since: Moment = 0.0
+    until: Moment = FOR_EVER
+
+    def shape(self) -> Box:
+        """Return its outline."""
+        return Box(x=self.x, y=self.y, yaw=self.yaw, length=self.length, width=self.width)
 
 
 class DiscObstacle(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A post, a table leg or a round table: centre and radius, m."""
+    """A post, a table leg or a round table: centre and radius, m. height, since, until: see BoxObstacle."""
 
     x: Coordinate
     y: Coordinate
     radius: Size
+    height: Size = 0.7
     label: str = ""
     colour: Colour = "#9a9a9a"
+    since: Moment = 0.0
+    until: Moment = FOR_EVER
+
+    def shape(self) -> Disc:
+        """Return its outline."""
+        return Disc(x=self.x, y=self.y, radius=self.radius)
+
+
+Obstacle = TypeVar("Obstacle", BoxObstacle, DiscObstacle)
 
 
 class Place(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -122,7 +147,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """One room and one task in it. Outer walls WALL m thick stand around `bounds`.
 
     robot, object: where they start; the object's place is that of o. goal: where o is to go.
-    default_object: a name of `objects.names()`. blind: when the tracker has lost the object.
+    default_object: a name of `objects.names()`. blind: when the tracker has lost the object. camera: on the base.
     """
 
     name: str
@@ -137,12 +162,24 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     jitter: Jitter = Jitter()
     noise: SensorNoise = SensorNoise()
     blind: tuple[Spell, ...] = ()
+    camera: CameraModel = CameraModel()
 
-    def obstacles(self) -> tuple[Shape, ...]:
-        """Return the outer walls, boxes and discs as plain shapes, map frame."""
+    def obstacles(self, time: float = 0.0) -> tuple[Shape, ...]:
+        """Return the outer walls and the boxes and discs that stand there at `time`, s, as plain shapes, map frame."""
         walls = outer_walls(self.bounds)
-        boxes = tuple(Box(x=b.x, y=b.y, yaw=b.yaw, length=b.length, width=b.width) for b in self.boxes)
-        return walls + boxes + tuple(Disc(x=d.x, y=d.y, radius=d.radius) for d in self.discs)
+        boxes, discs = standing(self.boxes, time), standing(self.discs, time)
+        return (*walls, *(box.shape() for box in boxes), *(disc.shape() for disc in discs))
+
+    def changes(self) -> tuple[float, ...]:
+        """Return when obstacles come or go, s since the world began, in order."""
+        every: list[BoxObstacle | DiscObstacle] = [*self.boxes, *self.discs]
+        moments = {moment for one in every for moment in (one.since, one.until)}
+        return tuple(sorted(moments - {0.0, FOR_EVER}))
+
+
+def standing(obstacles: tuple[Obstacle, ...], time: float) -> list[Obstacle]:
+    """Return those of `obstacles` that stand there at `time`, s."""
+    return [one for one in obstacles if one.since <= time < one.until]
 
 
 def outer_walls(bounds: Bounds) -> tuple[Box, Box, Box, Box]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drivers.sapien.config import SapienConfig
 from drivers.sapien.odometry import DriftingOdometry, OdometryState
-from drivers.sapien.rays import Outlines, outlines
+from drivers.sapien.rays import Outlines, Rooms, outlines
 from drivers.sapien.sensors import laser_scan, ring_ranges
 from drivers.sapien.world import SUBSTEP, World, WorldState
 from runtime import topics
@@ -91,7 +91,7 @@ class SapienDriver(Service):
         self.state = DriverState(np.random.Generator(np.random.PCG64(config.seed)))
         self._world = World(config.scene, config.body, config.base)
         self._odometry = self._fresh_odometry()
-        self._room = outlines(config.scene.obstacles())
+        self._rooms = Rooms(config.scene)
 
     def freeze(self) -> None:
         """Take the world's state. This rebuilds the world, so that it goes on as a restored one would."""
@@ -189,7 +189,7 @@ class SapienDriver(Service):
 
     def _outlines(self) -> Outlines:
         x, y, theta = (float(number) for number in self._world.object_pose)
-        return self._room.joined(outlines(self.config.body.parts, (x, y, theta)))
+        return self._rooms.at(self._world.seconds).joined(outlines(self.config.body.parts, (x, y, theta)))
 
     def _odometry_message(self, pose: NDArray[np.float64], now: Time) -> Publication:
         reading = self._odometry.read(pose, self.state.generator)

@@ -14,6 +14,7 @@ Coordinate = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]
 """A coordinate, m."""
 Yaw = Annotated[float, msgspec.Meta(ge=-6.2832, le=6.2832)]
 """An orientation as written in a file, rad."""
+Colour = Annotated[str, msgspec.Meta(pattern="^#[0-9a-f]{6}$")]
 
 _SLACK = 1e-9
 

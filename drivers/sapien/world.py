@@ -7,7 +7,7 @@ alike, to the bit. Taking a state changes the last bits of what follows, so take
 
 from __future__ import annotations
 
-from math import cos, inf, sin
+from math import ceil, cos, inf, sin
 
 import msgspec
 import numpy as np
@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from drivers.sapien import physics
 from drivers.sapien.base import BaseModel, drive
+from drivers.sapien.engine import sapien
 from drivers.sapien.friction import resist
 from drivers.sapien.objects import ObjectBody, floor
 from drivers.sapien.physics import BodyState
 from drivers.sapien.scene import Scene
-from drivers.sapien.shapes import Disc
+from drivers.sapien.shapes import Disc, Shape
 
 SUBSTEP = 0.0025
 """Length of a substep, s. At 0.005 s a push of 6 s already ends 1-4 cm and 0.2 rad elsewhere."""
@@ -58,11 +59,13 @@ class World:
     those of the centre o of its bounding circle.
     `touching`, `robot_hit`, `object_hit`: in one of the last CONTACT_MEMORY substeps the base touched the
     object; the base, or the object, touched a wall or furniture. Reading changes nothing.
+    `seconds`: since the start.
     """
 
     def __init__(self, scene: Scene, body: ObjectBody, base: BaseModel) -> None:
         self._body, self._base = body, base
-        self._obstacles = scene.obstacles()
+        self._room = scene
+        self._changes = [ceil(moment / SUBSTEP) for moment in scene.changes()]
         self._floor = floor(body)
         self._centre = (body.centre_x, body.centre_y)
         self._parameters = base.parameters(SUBSTEP)
@@ -70,6 +73,7 @@ class World:
         c, s = cos(thing.yaw), sin(thing.yaw)
         centre_x = thing.x + c * body.centre_x - s * body.centre_y
         centre_y = thing.y + s * body.centre_x + c * body.centre_y
+        self._fixed: sapien.Entity = None
         self._build(
             WorldState(
                 substeps=0,
@@ -105,6 +109,19 @@ class World:
 
     def step(self, count: int) -> None:
         """Let `count` substeps of SUBSTEP s pass."""
+        end = self.substeps + count
+        for change in self._changes:
+            if self.substeps < change <= end:
+                self._step(change - self.substeps)
+                self._scene.remove_entity(self._fixed)
+                self._fixed = physics.add_fixed(self._scene, self._obstacles(), physics.material(self._body.rim))
+        self._step(end - self.substeps)
+
+    def _obstacles(self) -> tuple[Shape, ...]:
+        # Half a substep more: a moment that is a whole number of substeps is not to be missed by rounding.
+        return self._room.obstacles((self.substeps + 0.5) * SUBSTEP)
+
+    def _step(self, count: int) -> None:
         robot, thing, system = self._robot, self._object, self._system
         robot_entity, thing_entity = robot.entity, thing.entity
         wish, ramp, reference, parameters = self._wish, self._ramp, self._reference, self._parameters
@@ -124,6 +141,11 @@ class World:
             self.substeps += 1
             for contact in system.get_contacts():
                 self._note(contact)
+
+    @property
+    def seconds(self) -> float:
+        """How long the world has been going, s."""
+        return self.substeps * SUBSTEP
 
     @property
     def touching(self) -> bool:
@@ -189,7 +211,8 @@ class World:
         base, body = self._base, self._body
         self._scene, self._system = physics.scene(SUBSTEP)
         rim = physics.material(body.rim)
-        physics.add_fixed(self._scene, self._obstacles, rim)
+        self.substeps = state.substeps
+        self._fixed = physics.add_fixed(self._scene, self._obstacles(), rim)
         self._robot = physics.add_movable(
             self._scene, (Disc(radius=base.diameter / 2),), (0.0, 0.0), base.mass, base.inertia, state.robot, rim
         )
@@ -198,7 +221,6 @@ class World:
         )
         self._wish, self._ramp = np.array(state.wish), np.array(state.ramp)
         self._reference = np.array(state.reference)
-        self.substeps = state.substeps
         self._touched = state.touched
         self._robot_struck, self._object_struck = state.robot_struck, state.object_struck
 

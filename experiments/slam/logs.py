@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import PushlaneError
-from services.mapping.filter import between
+from services.geometry.pose import between
 
 Array = NDArray[np.float64]
 

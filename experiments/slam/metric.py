@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.mapping.filter import between
+from services.geometry.pose import between
 
 Array = NDArray[np.float64]
 Pairs = Sequence[tuple[int, int]]

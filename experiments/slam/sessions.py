@@ -14,7 +14,7 @@ from replays.inspect.session import Track, read_session
 from replays.inspect.shapes import pose_at
 from runtime.messages import LaserScan, ObjectState, Odometry, Pose2, RobotPose, Truth, Visibility
 from runtime.time import SECOND
-from services.mapping.filter import between
+from services.geometry.pose import between
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from experiments.slam.logs import Log
 from runtime.errors import PushlaneError
+from services.geometry.pose import compose
 from services.mapping.config import FilterConfig
-from services.mapping.filter import Noise, Particles, compose
+from services.mapping.filter import Noise, Particles
 from services.mapping.globally import locate
 from services.mapping.grid import RESOLUTION, Maps
 from services.mapping.scan import Scan

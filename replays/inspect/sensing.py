@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import rerun as rr
-from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from numpy.typing import NDArray
 
 from replays.inspect import palette
@@ -12,7 +11,7 @@ from replays.inspect.canvas import Canvas, raised
 from replays.inspect.places import Places
 from replays.inspect.session import Session
 from replays.inspect.shapes import pose_at
-from runtime.messages import LaserScan, RangeArray
+from runtime.messages import CompressedImage, ImageAnnotations, LaserScan, RangeArray
 
 POINTS = 0.034
 
@@ -23,6 +22,7 @@ def draw_sensing(canvas: Canvas, session: Session, where: Places) -> None:
         _draw_scans(canvas, session, where)
         _draw_ranges(canvas, session, where)
     _draw_images(canvas, session)
+    _draw_outlines(canvas, session)
 
 
 def _to_map(points: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -101,4 +101,25 @@ def _draw_images(canvas: Canvas, session: Session) -> None:
         )
         if len(track)
         else [],
+    )
+
+
+def _draw_outlines(canvas: Canvas, session: Session) -> None:
+    """What the tracker saw in a picture, around it."""
+    track = session.track("image/annotations", ImageAnnotations)
+    if not len(track):
+        return
+    drawn = [
+        [np.array([(p.x, p.y) for p in (*line.points, line.points[0])]) for line in m.points] for m in track.messages
+    ]
+    strips = [strip for strips in drawn for strip in strips]
+    if not strips:
+        return
+    canvas.fixed(
+        "/camera/outline", rr.LineStrips2D.from_fields(colors=[palette.OBJECT], radii=[rr.Radius.ui_points(1.5)])
+    )
+    canvas.columns(
+        "/camera/outline",
+        track.times,
+        rr.LineStrips2D.columns(strips=strips).partition([len(strips) for strips in drawn]),
     )

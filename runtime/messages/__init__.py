@@ -3,8 +3,10 @@
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 
 from runtime.messages.base_pb2 import MotionLimits, Odometry, RangeArray, RobotStatus, VelocityCommand
 from runtime.messages.geometry_pb2 import Polyline, Pose2, Twist2, Vector2
@@ -47,6 +49,7 @@ __all__ = [
     "FailureCause",
     "FrameTransform",
     "Health",
+    "ImageAnnotations",
     "InputHealth",
     "Journal",
     "LaserScan",
@@ -55,6 +58,7 @@ __all__ = [
     "ObjectState",
     "OccupancyGrid",
     "Odometry",
+    "PointsAnnotation",
     "Polyline",
     "Pose2",
     "PushBehaviour",

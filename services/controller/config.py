@@ -33,3 +33,9 @@ class ControllerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     ] = 1.0
     barrier: Annotated[bool, Meta(description="keep the robot inside the corridor; off as in the paper")] = False
     barrier_margin: Annotated[float, Meta(ge=0, le=1, description="m kept from the corridor's edge")] = 0.02
+    predicted_share: Annotated[
+        float, Meta(ge=0, le=1, description="share of the speed while the tracker only predicts the object")
+    ] = 0.5
+    seek: Annotated[
+        float, Meta(ge=0, le=3, description="rad/s of the base that looks for a lost object; 0: it stands still")
+    ] = 0.5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ from services.geometry.angles import difference, direction
 
 Array = NDArray[np.float64]
 
+_LEGS = (0.25 * math.pi, 0.25 * math.pi, 0.5 * math.pi, 0.5 * math.pi)
+"""rad to either side, one after the other"""
 STALE = 0.5
 """s after which the error before says nothing about its rate."""
 
@@ -54,3 +57,19 @@ def turn(
     if abs(omega) > limit:
         return (limit if omega > 0.0 else -limit), True
     return omega, False
+
+
+def sweep(time: float, rate: float) -> float:
+    """Return how far to look aside, rad, after `time` s of looking for something: to both sides, ever farther.
+
+    Triangles whose legs are run through at `rate`, rad/s; after a quarter turn to each side, all around.
+    """
+    way, side = rate * time, 1.0
+    for leg in (*_LEGS, math.inf):
+        if way <= leg:
+            return side * way
+        if way <= 2.0 * leg:
+            return side * (2.0 * leg - way)
+        way -= 2.0 * leg
+        side = -side
+    return 0.0

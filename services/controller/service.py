@@ -22,13 +22,14 @@ from runtime.messages import (
     Visibility,
 )
 from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
-from runtime.time import Time, nanoseconds
+from runtime.time import Time, nanoseconds, seconds
 from runtime.topics import Delivery
 from services.controller import barrier, centroid, dipole, predictive, push_law
 from services.controller.activation import activations
 from services.controller.config import ControllerConfig
-from services.controller.heading import HeadingState, turn
+from services.controller.heading import HeadingState, sweep, turn
 from services.controller.push_law import Behaviour, Gains
+from services.geometry.angles import difference
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry, vector
 from services.learner.movement import alpha
@@ -54,12 +55,14 @@ class ControllerState:
 
     Attributes:
         heard: when the task last spoke of the push, ns.
+        sought: since when a lost object has been looked for, ns; 0 while none is.
     """
 
     heading: HeadingState = field(default_factory=HeadingState)
     track: Track = field(default_factory=Track)
     walking: float = 0.0
     heard: Time = 0
+    sought: Time = 0
 
 
 class ControllerService(Service):
@@ -131,9 +134,14 @@ class ControllerService(Service):
             return
         robot, object = self.robot, self.object
         if robot is None or object is None or not self._may_move(robot, object, now):
-            self.state.heading = HeadingState()
+            self.state.heading, self.state.sought = HeadingState(), 0
             yield self._command(Wish(np.zeros(2)), 0.0, 0.0, now)
             return
+        if object.visibility == Visibility.LOST:
+            self.state.heading = HeadingState()
+            yield self._command(Wish(np.zeros(2)), 0.0, self._seek(robot, object, now), now)
+            return
+        self.state.sought = 0
         r, o = np.array((robot.pose.x, robot.pose.y)), vector(object.position)
         if self.goal.controller == "predictive":
             wish, omega = self._planned(now)
@@ -174,7 +182,19 @@ class ControllerService(Service):
         oldest = min(robot.stamp, object.stamp)
         coincide = object.position == target.target
         fresh = now - oldest <= nanoseconds(self.config.patience)
-        return fresh and object.visibility != Visibility.LOST and not coincide
+        return fresh and not coincide
+
+    def _seek(self, robot: RobotPose, object: ObjectState, now: Time) -> float:
+        """Return the turn, rad/s, that looks for a lost object: where it should be, then ever farther to both sides."""
+        state, config = self.state, self.config
+        if not config.seek:
+            return 0.0
+        if not state.sought:
+            state.sought = now
+        dx, dy = object.position.x - robot.pose.x, object.position.y - robot.pose.y
+        aside = sweep(seconds(now - state.sought), config.seek)
+        error = difference(math.atan2(dy, dx) + aside, robot.pose.theta)
+        return min(max(config.heading_p * error, -config.seek), config.seek)
 
     def _wish(self, name: str, r: Array, o: Array) -> Wish:
         assert self.target is not None
@@ -245,8 +265,10 @@ class ControllerService(Service):
         assert self.goal is not None
         scale, limit = 1.0, math.inf if self.status is None else self.status.limits.speed
         speed = math.hypot(wish.u[0], wish.u[1])
+        if self.object is not None and self.object.visibility == Visibility.PREDICTED:
+            scale, speed = self.config.predicted_share, self.config.predicted_share * speed
         if speed > limit:
-            scale = limit / speed
+            scale *= limit / speed
         c, s = math.cos(theta), math.sin(theta)
         vx, vy = scale * wish.u[0], scale * wish.u[1]
         command = VelocityCommand(

@@ -1,6 +1,6 @@
 """Settings of the corridor service."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -19,3 +19,13 @@ class CorridorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
         Meta(ge=0, le=100, description="how much the path keeps away from obstacles where there is room"),
     ] = 3.0
     clearance_cap: Annotated[float, Meta(gt=0, le=10, description="m, clearances beyond this count as this")] = 1.5
+    unknown: Annotated[
+        Literal["occupied", "free"],
+        Meta(description="what cells count as that nobody has seen yet: free where the map grows while pushing"),
+    ] = "occupied"
+    map_threshold: Annotated[
+        float, Meta(gt=0, le=5, description="m by which the map has to come nearer to the path for a new plan")
+    ] = 0.12
+    map_gain: Annotated[
+        float, Meta(gt=0, le=5, description="m by which it has to leave the path free for a new plan")
+    ] = 0.3

@@ -8,16 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import topics
-from runtime.messages import Corridor, LaserScan, ObjectState, PushGoal, RobotPose
+from runtime.messages import Corridor, LaserScan, ObjectState, OccupancyGrid, PushGoal, RobotPose
 from runtime.service import Effects, Input, Output, Service, on
 from runtime.time import SECOND, Time
 from services.corridor import hits
+from services.corridor.clearance import FREE, UNKNOWN, measure
 from services.corridor.config import CorridorConfig
 from services.corridor.corridor import build
 from services.corridor.shortest_path import PlanningError
 from services.corridor.update import disagrees, external
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry, polyline, vector
+
+Array = NDArray[np.float64]
+
+_BEYOND = 2.0
+"""m around robot, object and goal that a map is to cover where what is unknown is free"""
 
 
 @dataclass
@@ -79,6 +85,20 @@ class CorridorService(Service):
         if self.state.goal_id and not self.state.planned:
             yield from self._plan(now)
 
+    @on(map)
+    def chart(self, map: OccupancyGrid, now: Time) -> Effects:
+        """Plan anew if the map has changed where the corridor is."""
+        corridor = self.state.corridor
+        if not (self.state.goal_id and self.state.planned) or map.version == corridor.map_version:
+            return
+        if self._geometry is None:
+            yield from self._plan(now)
+            return
+        change = self._change(map)
+        if change < -self.config.map_threshold or change > self.config.map_gain:
+            yield self.say(f"the map has changed by {change:+.2f} m along the path: planning anew", now)
+            yield from self._plan(now)
+
     @on(scan)
     def sense(self, scan: LaserScan, now: Time) -> None:
         """Keep a scan until the pose at its time is known."""
@@ -89,7 +109,8 @@ class CorridorService(Service):
         """Algorithm 1: compare what was sensed with the corridor, and plan anew if they disagree.
 
         The corridor is a function of the map; while that has not changed since the plan, planning again could
-        only repeat it, so nothing is done.
+        only repeat it, so nothing is done. Where no more than noise of it has changed, an obstacle that is farther
+        away than the edge, which is usual, is no reason either.
         """
         scan, corridor = self.state.scan, self.state.corridor
         if scan is None or robot.stamp < _stamp(scan):
@@ -104,23 +125,54 @@ class CorridorService(Service):
         d_r, d_o = corridor.robot_diameter, corridor.object_diameter
         sensed = external(sensed, r, o, d_r, d_o, self.config.object_margin)
         found = disagrees(self._geometry.field, d_r, r, sensed, self.config.threshold)
-        if found.nearer or found.farther:
+        if found.nearer or (found.farther and self._change(self.map) > self.config.map_gain):
             yield self.say(f"sensed and corridor disagree by {found.difference:+.2f} m: planning anew", now)
             yield from self._plan(now)
 
-    def _hits(self, scan: LaserScan, robot: RobotPose) -> NDArray[np.float64]:
+    def _hits(self, scan: LaserScan, robot: RobotPose) -> Array:
         pose = (robot.pose.x, robot.pose.y, robot.pose.theta)
         found = [hits.of_scan(scan, pose, self.config.scan_maximum)]
         if self.ranges is not None:
             found.append(hits.of_ranges(self.ranges, pose))
         return np.concatenate(found)
 
+    def _change(self, grid: OccupancyGrid) -> float:
+        """Return how much the clearance along the rest of Q has changed, m: the worst loss if it counts, else the gain.
+
+        It is compared with that on which the corridor was built, so a cell or two of noise do not count.
+        """
+        found, robot, object = self._geometry, self.robot, self.object
+        if found is None or robot is None or object is None:
+            return 0.0
+        ahead = found.arc >= found.closest(vector(object.position)).arc
+        now = measure(*self._cells(grid, found.path), _bodies(robot, object, found, 0.5 * self.config.object_margin))
+        change = np.minimum(now.along(found.path[ahead]), self.config.clearance_cap) - found.clearance[ahead]
+        worst, best = float(change.min()), float(change.max())
+        return worst if worst < -self.config.map_threshold else best
+
+    def _cells(self, grid: OccupancyGrid, within: Array) -> tuple[NDArray[np.uint8], float, Array]:
+        """Return cells, resolution, m, and origin, (2,), m, of a map.
+
+        Args:
+            within: (N, 2), m, map frame: places that it has to reach beyond, where what nobody has seen is free.
+        """
+        cells = np.frombuffer(grid.cells, np.uint8).reshape(grid.height, grid.width)
+        origin = vector(grid.origin)
+        if self.config.unknown == "occupied":
+            return cells, grid.resolution, origin
+        end = origin + grid.resolution * np.array((grid.width, grid.height))
+        below = np.ceil(np.maximum(origin - within.min(axis=0) + _BEYOND, 0.0) / grid.resolution).astype(int)
+        above = np.ceil(np.maximum(within.max(axis=0) + _BEYOND - end, 0.0) / grid.resolution).astype(int)
+        cells = np.pad(np.where(cells == UNKNOWN, FREE, cells), ((below[1], above[1]), (below[0], above[0])))
+        return cells, grid.resolution, origin - grid.resolution * below
+
     def _plan(self, now: Time) -> Effects:
         goal, grid, robot, object, status = self.goal, self.map, self.robot, self.object, self.status
         if goal is None or grid is None or robot is None or object is None or status is None:
             return
         self.state.planned = True
-        cells = np.frombuffer(grid.cells, np.uint8).reshape(grid.height, grid.width)
+        r, o, g = np.array((robot.pose.x, robot.pose.y)), vector(object.position), vector(goal.position)
+        cells, resolution, origin = self._cells(grid, np.stack([r, o, g]))
         corridor = Corridor(
             stamp=now,
             version=self.state.corridor.version + 1,
@@ -132,11 +184,11 @@ class CorridorService(Service):
         try:
             self._geometry = build(
                 cells,
-                grid.resolution,
-                vector(grid.origin),
-                np.array((robot.pose.x, robot.pose.y)),
-                vector(object.position),
-                vector(goal.position),
+                resolution,
+                origin,
+                r,
+                o,
+                g,
                 status.diameter,
                 object.diameter,
                 weight=self.config.path_weight,
@@ -165,3 +217,11 @@ def _fill(message: Corridor, found: CorridorGeometry) -> None:
 
 def _stamp(scan: LaserScan) -> Time:
     return scan.timestamp.seconds * SECOND + scan.timestamp.nanos
+
+
+def _bodies(robot: RobotPose, object: ObjectState, found: CorridorGeometry, margin: float) -> Array:
+    """Return the discs, (2, 3), x, y, radius, m, in which what is occupied is object or robot."""
+    o = object.position
+    return np.array(
+        [(o.x, o.y, 0.5 * found.object_diameter + margin), (robot.pose.x, robot.pose.y, 0.5 * found.robot_diameter)]
+    )

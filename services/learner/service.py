@@ -33,6 +33,9 @@ from services.predictive.situation import base_of
 
 _MOST_PENDING = 8
 
+_UNSEEN = (Visibility.PREDICTED, Visibility.LOST)
+"""What is only thought of the object teaches nothing."""
+
 
 @dataclass
 class LearnerState:
@@ -90,7 +93,7 @@ class LearnerService(Service):
     def answer(self, object: ObjectState, now: Time) -> Effects:
         """Learn how the object answers pushes, if the goal's method asks for it."""
         goal, status, state = self.goal, self.status, self.state
-        if goal is None or status is None or not goal.active or object.visibility == Visibility.LOST:
+        if goal is None or status is None or not goal.active or object.visibility in _UNSEEN:
             return
         if "predictive" not in (goal.strategy, goal.controller) or not state.track.robots:
             return
@@ -126,7 +129,7 @@ class LearnerService(Service):
     @on(target)
     def learn(self, target: PushTarget, now: Time) -> Effects:
         """Take one observation."""
-        if self.robot is None:
+        if self.robot is None or (self.object is not None and self.object.visibility in _UNSEEN):
             return
         state, config = self.state, self.config
         r = np.array((self.robot.pose.x, self.robot.pose.y))

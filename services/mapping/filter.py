@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.geometry.angles import wrap
+from services.geometry.pose import between, compose
 from services.mapping.grid import Maps
 from services.mapping.matching import belief, climb, likelihood_field, search
 from services.mapping.scan import Scan
@@ -31,7 +32,7 @@ _STEP, _TURN = 0.03, 0.01
 """m and rad, first steps of the match"""
 _WORTH = 60.0
 """independent beams that a scan is worth in the match: with fewer, poses that hardly fit are drawn"""
-_FEW, _BEAMS = 90, 180
+_FEW, _BEAMS = 90, 120
 """beams that are looked at in the search and in the match"""
 _DRAWN = 24
 """poses that the Gaussian is found from"""
@@ -162,18 +163,3 @@ def _turned(information: Array, theta: float) -> Array:
     c, s = math.cos(theta), math.sin(theta)
     turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(turned @ information @ turned.T)
-
-
-def compose(pose: Array, step: Array) -> Array:
-    """Return the pose, (3,), after a step, (3,), in the frame of `pose`."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    return np.array(
-        (pose[0] + c * step[0] - s * step[1], pose[1] + s * step[0] + c * step[1], wrap(float(pose[2] + step[2])))
-    )
-
-
-def between(first: Array, second: Array) -> Array:
-    """Return the step, (3,), that leads from `first` to `second`, in the frame of `first`."""
-    dx, dy = second[0] - first[0], second[1] - first[1]
-    c, s = math.cos(first[2]), math.sin(first[2])
-    return np.array((c * dx + s * dy, -s * dx + c * dy, wrap(float(second[2] - first[2]))))

@@ -28,6 +28,8 @@ OCCUPIED = 0.25
 """Share of hits from which on a cell is occupied. Beams graze what stands: less than half of them end in it."""
 FREE, PASSED, HIT = 0, 1, 2
 
+_ENDS = 1e5
+"""ends that a mean remembers: float32 counts no further"""
 _GROWTH = 8
 _AT_FIRST = 64
 
@@ -126,6 +128,14 @@ class Maps:
         self.index = self.index[chosen]
         used = self.index[self.index >= 0]
         self.owners = np.bincount(used, minlength=len(self.owners)).astype(np.int32)
+
+    def compact(self) -> None:
+        """Leave out tiles that nobody refers to."""
+        used = np.flatnonzero(self.owners > 0)
+        places = np.full(len(self.owners) + 1, -1, np.int32)
+        places[used] = np.arange(len(used), dtype=np.int32)
+        self.cells, self.owners = np.ascontiguousarray(self.cells[used]), self.owners[used]
+        self.index = places[self.index]
 
     def picture(
         self, particle: int, centre: Array | None = None, reach: float = 0.0
@@ -231,12 +241,15 @@ def _draw(
             cell[VISITS] += 1.0
             if touched[j, i] == HIT:
                 cell[HITS] += 1.0
+            elif cell[HITS] < OCCUPIED * cell[VISITS]:
+                cell[ENDS] = 0.0  # what stood here is gone
     for k in range(len(ends)):
         if not returned[k]:
             continue
         i, j = int(scaled[k, 0]), int(scaled[k, 1])
         cell = cells[index[j // SIDE, i // SIDE], j % SIDE, i % SIDE]
-        cell[ENDS] = min(cell[ENDS], cap) + 1.0
+        # The means do not fade: else the map would creep after the errors of the poses that it gave.
+        cell[ENDS] = min(cell[ENDS], _ENDS) + 1.0
         share = 1.0 / cell[ENDS]
         cell[MEAN_X] += share * (ends[k, 0] - cell[MEAN_X])
         cell[MEAN_Y] += share * (ends[k, 1] - cell[MEAN_Y])

@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 
 _BEFORE = 1.6 * RESOLUTION
 """m before a beam's end that are to be free"""
+_NEW = 4.0
+"""squared deviations that a beam counts as off where no beam has been: what comes into sight is not drawn towards what
+is known beside it, which would hold the robot back"""
 _RANDOM = 0.02
 """share of beams that end anywhere: what moves, what is not mapped yet"""
 
@@ -29,6 +32,15 @@ def _occupied(cells: Tiles, index: Indices, i: int, j: int) -> int:
         return -1
     cell = cells[tile, j % SIDE, i % SIDE]
     return tile if cell[VISITS] > 0.0 and cell[HITS] >= OCCUPIED * cell[VISITS] else -1
+
+
+@njit("b1(f4[:,:,:,::1],i4[:,::1],i8,i8)", cache=True)
+def _visited(cells: Tiles, index: Indices, i: int, j: int) -> bool:
+    """Return whether a beam has been in the cell (i, j)."""
+    if i < 0 or j < 0 or i >= index.shape[1] * SIDE or j >= index.shape[0] * SIDE:
+        return False
+    tile = index[j // SIDE, i // SIDE]
+    return tile >= 0 and cells[tile, j % SIDE, i % SIDE, VISITS] > 0.0
 
 
 @njit("f8(f4[:,:,:,::1],i4[:,::1],i8,i8,f8[::1],f8[:,::1],f8[::1],f8)", cache=True)
@@ -57,7 +69,7 @@ def agreement(
         i, j = int((ex - x0) / RESOLUTION), int((ey - y0) / RESOLUTION)
         bi = int((ex - dx / length * _BEFORE - x0) / RESOLUTION) - i
         bj = int((ey - dy / length * _BEFORE - y0) / RESOLUTION) - j
-        best = np.inf
+        best = np.inf if _visited(cells, index, i, j) else _NEW * sigma * sigma
         for dj in range(-1, 2):
             for di in range(-1, 2):
                 u, v = i + di, j + dj

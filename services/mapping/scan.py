@@ -45,7 +45,8 @@ class Scan:
         return float(np.hypot(*self.ends.T).max(initial=0.0))
 
     def thinned(self, count: int) -> Array:
-        """Return about so many of the ends at which something is, evenly over the scan, (M, 2)."""
+        """Return at most so many of the ends at which something is, evenly over the scan, (M, 2)."""
         ends = self.ends[self.returned]
-        every = max(1, len(ends) // count)
-        return np.ascontiguousarray(ends[::every])
+        if len(ends) <= count:
+            return np.ascontiguousarray(ends)
+        return np.ascontiguousarray(ends[np.arange(count) * len(ends) // count])

@@ -165,6 +165,8 @@ class TaskService(Service):
         if status.phase == PushPhase.WAITING:
             status.phase = PushPhase.PUSHING
             yield self.say("object seen again", now)
+        if object.visibility == Visibility.PREDICTED:
+            return  # what is only thought of it decides nothing
         if self.robot is None or self._geometry is None or status.phase != PushPhase.PUSHING:
             return
         self._measure(self._geometry, self.robot, object, now)

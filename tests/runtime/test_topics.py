@@ -5,6 +5,7 @@ from importlib import import_module
 import pytest
 from google.protobuf.message import Message
 
+from experiments.session import SYSTEMS
 from runtime import messages, topics
 from runtime.errors import PushlaneError
 from runtime.recorder.schema import message_type
@@ -47,20 +48,23 @@ def test_every_registered_service_exists_under_its_name() -> None:
     assert {name: kind.name for name, kind in classes().items()} == {name: name for name in SERVICES}
 
 
-def test_every_topic_is_published_by_at_most_one_registered_service() -> None:
+@pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
+def test_every_topic_is_published_by_at_most_one_service_of_a_system(system: tuple[str, ...]) -> None:
     publishers: dict[str, list[str]] = {}
-    for name, kind in classes().items():
-        for topic in kind.contract.outputs:
+    for name in system:
+        for topic in service_class(name).contract.outputs:
             publishers.setdefault(topic, []).append(name)
     assert {topic: names for topic, names in publishers.items() if len(names) > 1} == {}
     assert set(publishers) <= set(TOPICS)
 
 
-def test_every_input_of_a_registered_service_has_a_publisher() -> None:
-    published = {topic for kind in classes().values() for topic in kind.contract.outputs}
+@pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
+def test_every_input_of_a_service_has_a_publisher_in_its_system(system: tuple[str, ...]) -> None:
+    kinds = {name: service_class(name) for name in system}
+    published = {topic for kind in kinds.values() for topic in kind.contract.outputs}
     published.add("alive")  # by the launcher of a live system
-    missing = {(name, topic) for name, kind in classes().items() for topic in kind.contract.inputs} - {
-        (name, topic) for name in SERVICES for topic in published
+    missing = {(name, topic) for name, kind in kinds.items() for topic in kind.contract.inputs} - {
+        (name, topic) for name in kinds for topic in published
     }
     assert missing == set()
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from experiments.slam.logs import BadLog, read
 from experiments.slam.metric import agreement, revisits, successive
-from services.mapping.filter import between, compose
+from services.geometry.pose import between, compose
 from tests.services.mapping.rooms import ANGLES, MOUNT, ranges_at
 
 

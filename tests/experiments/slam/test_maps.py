@@ -15,8 +15,8 @@ from scipy.ndimage import distance_transform_edt
 from experiments.slam.logs import Log
 from experiments.slam.maps import BadMap, read, write
 from experiments.slam.whole import NotFound, run
+from services.geometry.pose import between
 from services.mapping.config import FilterConfig
-from services.mapping.filter import between
 from services.mapping.globally import locate
 from services.mapping.grid import RESOLUTION, Maps
 from services.mapping.scan import Scan

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.mapping.filter import Noise, Particles, between, compose
+from services.geometry.pose import between, compose
+from services.mapping.filter import Noise, Particles
 from services.mapping.grid import Maps
 from services.mapping.matching import agreement, climb, likelihood_field, prior, search
 from tests.services.mapping.rooms import ROUND, scan_at
@@ -62,8 +63,10 @@ def test_a_beam_agrees_by_how_far_it_ends_from_the_wall(off: float) -> None:
     pose = np.array([off, 0.0, 0.0])
     found = agreement(maps.cells, maps.index[0], *maps.corner, pose, ahead, start, 0.04)
     assert found == pytest.approx(math.log(0.02 + 0.98 * math.exp(-0.5 * (off / 0.04) ** 2)), abs=1e-5)
-    nowhere = agreement(maps.cells, maps.index[0], *maps.corner, pose + np.array([1.0, 0.0, 0.0]), ahead, start, 0.04)
+    nowhere = agreement(maps.cells, maps.index[0], *maps.corner, pose - np.array([1.0, 0.0, 0.0]), ahead, start, 0.04)
     assert nowhere == pytest.approx(math.log(0.02))
+    unseen = agreement(maps.cells, maps.index[0], *maps.corner, pose + np.array([1.0, 0.0, 0.0]), ahead, start, 0.04)
+    assert unseen == pytest.approx(math.log(0.02 + 0.98 * math.exp(-2.0)))
 
 
 @given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-0.5, 0.5), st.floats(-3.1, 3.1))

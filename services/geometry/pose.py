@@ -1,0 +1,60 @@
+"""Poses in the plane, and where something was a moment ago. A pose is (3,): x, y, m, and theta, rad."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.time import Time, nanoseconds
+from services.geometry.angles import wrap
+
+Array = NDArray[np.float64]
+
+
+def compose(pose: Array, step: Array) -> Array:
+    """Return the pose, (3,), after a step, (3,), in the frame of `pose`."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.array(
+        (pose[0] + c * step[0] - s * step[1], pose[1] + s * step[0] + c * step[1], wrap(float(pose[2] + step[2])))
+    )
+
+
+def between(first: Array, second: Array) -> Array:
+    """Return the step, (3,), that leads from `first` to `second`, in the frame of `first`."""
+    dx, dy = second[0] - first[0], second[1] - first[1]
+    c, s = math.cos(first[2]), math.sin(first[2])
+    return np.array((c * dx + s * dy, -s * dx + c * dy, wrap(float(second[2] - first[2]))))
+
+
+@dataclass
+class History:
+    """Poses of the last while.
+
+    Attributes:
+        stamps, poses: ns and (3,), oldest first.
+    """
+
+    stamps: list[Time] = field(default_factory=list)
+    poses: list[Array] = field(default_factory=list)
+
+    def add(self, stamp: Time, pose: Array, memory: float) -> bool:
+        """Take a pose, (3,), and forget those from more than `memory` s before. Returns False if it is no newer one."""
+        if self.stamps and stamp <= self.stamps[-1]:
+            return False
+        self.stamps.append(stamp)
+        self.poses.append(pose)
+        while self.stamps[0] < stamp - nanoseconds(memory):
+            del self.stamps[0], self.poses[0]
+        return True
+
+    def at(self, stamp: Time) -> Array:
+        """Return the pose, (3,), at `stamp`: between two that are known, or the nearest one. There has to be one."""
+        k = int(np.searchsorted(self.stamps, stamp))
+        if k == 0 or k == len(self.stamps):
+            return self.poses[min(k, len(self.stamps) - 1)]
+        first, second = self.stamps[k - 1], self.stamps[k]
+        step = between(self.poses[k - 1], self.poses[k])
+        return compose(self.poses[k - 1], (stamp - first) / (second - first) * step)

@@ -1,0 +1,216 @@
+"""Keeps a map of the room and knows where the robot is on it, from laser scans and odometry."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import topics
+from runtime.messages import LaserScan, ObjectState, OccupancyGrid, Odometry, Pose2, RobotPose, Vector2
+from runtime.service import Effects, Input, Output, Publication, Service, on
+from runtime.time import SECOND, Time, nanoseconds
+from services.geometry.angles import wrap
+from services.geometry.pose import History, between, compose
+from services.mapping.config import MappingConfig
+from services.mapping.filter import Noise, Particles
+from services.mapping.grid import RESOLUTION, Maps
+from services.mapping.scan import Scan
+
+Array = NDArray[np.float64]
+
+_REMEMBERED = 2.0
+"""s of odometry"""
+_LEAST = np.diag([0.018**2, 0.018**2, 0.01**2])
+"""m^2 and rad^2: that of a map that is made while it is used. Particles that agree know nothing of the errors that all
+of them share; this is what is left on rounds through rooms (docs/mapping.md)."""
+
+
+@dataclass
+class MappingState:
+    """What mapping goes on from.
+
+    Attributes:
+        particles: the filter.
+        shown: the map as it is published: it forgets faster than those of the filter, whose memory keeps it in place.
+        odometry: of the last while, odom frame.
+        scan: the newest one, until the odometry of its time has come.
+        began: when the first scan came, ns; None before.
+        matched: ns, of the last scan that was matched; None before.
+        at_match: (3,), odom frame, there; before, of the first odometry.
+        object: the pushed one, as it was seen last.
+        version: of the map, as published last at `published`, ns.
+        cells: as published last.
+    """
+
+    particles: Particles
+    shown: Maps = field(default_factory=Maps)
+    odometry: History = field(default_factory=History)
+    scan: LaserScan | None = None
+    began: Time | None = None
+    matched: Time | None = None
+    at_match: Array = field(default_factory=lambda: np.zeros(3))
+    object: ObjectState | None = None
+    version: int = 0
+    published: Time = 0
+    cells: bytes = b""
+
+
+class MappingService(Service):
+    """Publishes the robot's pose with every odometry, and the map when it has changed.
+
+    The map's frame is the one in which `start` of the configuration says where the base starts.
+    """
+
+    name = "mapping"
+    Config = MappingConfig
+
+    odometry = Input(topics.ODOMETRY)
+    scan = Input(topics.SCAN)
+    object = Input(topics.OBJECT_STATE)
+    status = Input(topics.STATUS)
+    pose = Output(topics.ROBOT_POSE)
+    map = Output(topics.MAP)
+
+    config: MappingConfig
+    state: MappingState
+
+    def __init__(self, config: MappingConfig) -> None:
+        super().__init__(config)
+        self.state = MappingState(Particles.at(np.array(config.start), config.particles, config.seed))
+        self._noise = Noise()
+
+    def freeze(self) -> None:
+        """Leave out of the maps what nobody uses."""
+        self.state.particles.maps.compact()
+        self.state.shown.compact()
+
+    @on(object)
+    def located(self, object: ObjectState, now: Time) -> None:
+        """Note where the object is: it is no part of the room."""
+        self.state.object = object
+
+    @on(odometry)
+    def moved(self, odometry: Odometry, now: Time) -> Effects:
+        """Say where the robot is now."""
+        state = self.state
+        pose = np.array((odometry.pose.x, odometry.pose.y, odometry.pose.theta))
+        if not state.odometry.stamps:
+            state.at_match = pose
+        if not state.odometry.add(odometry.stamp, pose, _REMEMBERED):
+            return
+        if state.scan is not None and _stamp(state.scan) <= odometry.stamp:
+            yield from self._look(now)
+        yield self._where(pose, odometry)
+
+    @on(scan)
+    def scanned(self, scan: LaserScan, now: Time) -> Effects:
+        """Take a scan, now or as soon as the odometry of its time has come."""
+        state = self.state
+        state.scan = scan
+        state.began = now if state.began is None else state.began
+        if state.odometry.stamps and _stamp(scan) <= state.odometry.stamps[-1]:
+            yield from self._look(now)
+
+    def _look(self, now: Time) -> Effects:
+        """Match the scan that waits, and draw it."""
+        state, config = self.state, self.config
+        message, state.scan = state.scan, None
+        assert message is not None and state.began is not None
+        stamp = _stamp(message)
+        if stamp < state.odometry.stamps[0]:
+            return  # too old for the odometry that is remembered
+        waits = state.object is None and now - state.began < nanoseconds(config.wait)
+        if waits or (state.matched is not None and stamp <= state.matched):
+            return
+        there = state.odometry.at(stamp)
+        particles = state.particles
+        step = between(state.at_match, there)
+        pose = compose(particles.poses[particles.best], step)
+        scan = self._scan(message, pose)
+        soon = state.matched is not None and stamp - state.matched < nanoseconds(config.pause)
+        if not soon or math.hypot(step[0], step[1]) >= config.step or abs(step[2]) >= config.turn:
+            if state.matched is None:
+                particles.poses[:] = pose
+            else:
+                particles.move(step, self._noise, scan)
+            particles.draw(scan, config.memory)
+            particles.select()
+            state.matched, state.at_match = stamp, there
+            pose = particles.poses[particles.best]
+        state.shown.draw(0, pose, scan.ends, scan.returned, scan.start, config.shown_memory)
+        if not state.version or now - state.published >= nanoseconds(config.map_period):
+            yield from self._show(now)
+
+    def _scan(self, message: LaserScan, pose: Array) -> Scan:
+        """Return the scan without beams that end at the object or at the robot itself; `pose`: (3,), of the robot."""
+        ranges = np.array(message.ranges)
+        angles = np.linspace(message.start_angle, message.end_angle, len(ranges))
+        turned = message.pose.orientation
+        mount = np.array((message.pose.position.x, message.pose.position.y, 2.0 * math.atan2(turned.z, turned.w)))
+        ends = mount[:2] + ranges[:, None] * np.column_stack([np.cos(angles + mount[2]), np.sin(angles + mount[2])])
+        foreign = np.ones(len(ranges), np.bool_)
+        if self.status is not None:
+            foreign &= np.hypot(*ends.T) > 0.5 * self.status.diameter
+        if self.state.object is not None:
+            thing = self.state.object
+            dx, dy = thing.position.x - pose[0], thing.position.y - pose[1]
+            c, s = math.cos(pose[2]), math.sin(pose[2])
+            off = ends - (c * dx + s * dy, -s * dx + c * dy)
+            foreign &= np.hypot(*off.T) > 0.5 * thing.diameter + self.config.object_margin
+        config = self.config
+        return Scan.of(ranges[foreign], angles[foreign], mount, config.furthest, config.nothing)
+
+    def _where(self, odometry_pose: Array, odometry: Odometry) -> Publication:
+        state, particles = self.state, self.state.particles
+        x, y, theta = compose(particles.poses[particles.best], between(state.at_match, odometry_pose))
+        weights = particles.weights
+        off = particles.poses - particles.poses[particles.best]
+        off[:, 2] = [wrap(float(angle)) for angle in off[:, 2]]
+        covariance = (weights[:, None] * off).T @ off + _LEAST
+        return self.pose(
+            RobotPose(
+                stamp=odometry.stamp,
+                pose=Pose2(x=x, y=y, theta=theta),
+                covariance=covariance.ravel().tolist(),
+                driver_sequence=odometry.driver_sequence,
+            )
+        )
+
+    def _show(self, now: Time) -> Effects:
+        """Publish the map if it has changed, without the object."""
+        state = self.state
+        cells, corner = state.shown.picture(0)
+        known = cells != 255
+        if not known.any():
+            return
+        rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+        cells = np.ascontiguousarray(cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
+        corner = corner + RESOLUTION * np.array((columns[0], rows[0]))
+        height, width = cells.shape
+        if state.object is not None:
+            x = corner[0] + (np.arange(width) + 0.5) * RESOLUTION - state.object.position.x
+            y = corner[1] + (np.arange(height) + 0.5) * RESOLUTION - state.object.position.y
+            cells[np.hypot(x[None, :], y[:, None]) < 0.5 * state.object.diameter] = 0
+        payload = cells.tobytes()
+        if payload == state.cells:
+            return
+        state.version += 1
+        state.published, state.cells = now, payload
+        yield self.map(
+            OccupancyGrid(
+                stamp=now,
+                version=state.version,
+                resolution=RESOLUTION,
+                width=width,
+                height=height,
+                origin=Vector2(x=corner[0], y=corner[1]),
+                cells=payload,
+            )
+        )
+
+
+def _stamp(scan: LaserScan) -> Time:
+    return scan.timestamp.seconds * SECOND + scan.timestamp.nanos

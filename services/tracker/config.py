@@ -1,0 +1,43 @@
+"""Settings of the tracker."""
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+Seconds = Annotated[float, Meta(gt=0, le=60)]
+
+
+class FilterConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Settings of the filter that follows the object."""
+
+    visible_for: Annotated[float, Meta(gt=0, le=10, description="s after it was seen that it counts as seen")] = 0.25
+    predicted_for: Annotated[float, Meta(gt=0, le=60, description="s after which it counts as lost")] = 1.0
+    drag: Annotated[float, Meta(gt=0, le=60, description="s in which friction stops what nobody pushes")] = 0.15
+    drag_pushed: Annotated[float, Meta(gt=0, le=60, description="s, the same beside the base")] = 1.0
+    shove: Annotated[float, Meta(gt=0, le=50, description="m/s^2, accelerations of what nobody pushes")] = 0.3
+    shove_pushed: Annotated[float, Meta(gt=0, le=50, description="m/s^2, the same beside the base")] = 1.5
+    speed: Annotated[float, Meta(gt=0, le=10, description="m/s that it may have when it is seen first")] = 0.3
+    diameter_share: Annotated[
+        float, Meta(gt=0, le=1, description="share of a reading of the diameter in what is known of it, at least")
+    ] = 0.05
+
+
+class TrackerConfig(FilterConfig, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Settings of the tracker."""
+
+    finds: Annotated[
+        Literal["tags", "depth", "appearance"],
+        Meta(
+            description="what the object is found by: tags on it; depth, where the camera measures it; or that it "
+            "looks other than the floor"
+        ),
+    ] = "tags"
+    dictionary: Annotated[str, Meta(description="of the tags, by OpenCV's name")] = "DICT_4X4_50"
+    first_tag: Annotated[
+        int, Meta(ge=0, le=10_000, description="id of the tag on top; then that in front, left, behind, right")
+    ] = 0
+    cube: Annotated[float, Meta(ge=0.01, le=2, description="m, side of the cube of tags on the object")] = 0.14
+    height: Annotated[float, Meta(ge=0, le=5, description="m, of the object below the cube")] = 0.2
+    diameter: Annotated[float, Meta(ge=0, le=10, description="m, d_o; 0: measured, which tags cannot")] = 0.0
+    largest: Annotated[float, Meta(gt=0, le=10, description="m, what is wider is no object to push")] = 0.8

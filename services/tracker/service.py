@@ -1,0 +1,236 @@
+"""Says where the pushed object is, from pictures of the robot's camera."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import topics
+from runtime.messages import (
+    CameraCalibration,
+    CompressedImage,
+    FrameTransform,
+    ObjectState,
+    RobotPose,
+    Vector2,
+)
+from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
+from runtime.time import SECOND, Time, nanoseconds
+from services.geometry.angles import wrap
+from services.geometry.pose import History
+from services.tracker.camera import BadCalibration, Camera, Mount
+from services.tracker.config import TrackerConfig
+from services.tracker.filter import Reading, Track
+from services.tracker.finders import Hint, Sighting, TagFinder, View
+from services.tracker.outline import lines
+
+Array = NDArray[np.float64]
+
+_REMEMBERED = 1.0
+"""s of robot poses"""
+_PERIOD = 0.1
+_SILENT = 0.3
+"""s without a picture after which the track goes on without"""
+_FREE, _CLEAR = (0.2, 3.0, 0.1), 0.25
+"""m from the laser: first, last and between the places where the floor is looked at; m before what a beam met"""
+
+
+@dataclass
+class TrackerState:
+    """What the tracker goes on from.
+
+    Attributes:
+        robots: where the robot was lately, map frame.
+        track: of the object; None before it was seen.
+        looked: ns, when a picture came last; stamp: of which time it was; 0 before.
+        unreadable: pictures that were none.
+    """
+
+    robots: History = field(default_factory=History)
+    track: Track | None = None
+    looked: Time = 0
+    stamp: Time = 0
+    unreadable: int = 0
+
+
+class TrackerService(Service):
+    """Publishes the object's state with every picture, and while none comes what it must be by now."""
+
+    name = "tracker"
+    Config = TrackerConfig
+
+    image = Input(topics.IMAGE)
+    depth = Input(topics.DEPTH)
+    calibration = Input(topics.CALIBRATION)
+    mount = Input(topics.CAMERA_MOUNT)
+    robot = Input(topics.ROBOT_POSE)
+    status = Input(topics.STATUS)
+    scan = Input(topics.SCAN)
+    object = Output(topics.OBJECT_STATE)
+    annotations = Output(topics.IMAGE_ANNOTATIONS)
+    tick = Timer(_PERIOD)
+
+    config: TrackerConfig
+    state: TrackerState
+
+    def __init__(self, config: TrackerConfig) -> None:
+        super().__init__(config)
+        self.state = TrackerState()
+        self._finder = TagFinder(config)
+        self._camera: Camera | None = None
+        self._mount: Mount | None = None
+
+    def thaw(self) -> None:
+        """Take up calibration and mount."""
+        with suppress(BadCalibration):
+            self._camera = None if self.calibration is None else Camera.of(self.calibration)
+        with suppress(BadCalibration):
+            self._mount = None if self.mount is None else Mount.of(self.mount)
+
+    @on(calibration)
+    def calibrated(self, calibration: CameraCalibration, now: Time) -> Effects:
+        """Take up the camera's intrinsics."""
+        try:
+            self._camera = Camera.of(calibration)
+        except BadCalibration as error:
+            self._camera = None
+            yield self.say(f"calibration refused: {error}", now, "ERROR")
+
+    @on(mount)
+    def mounted(self, mount: FrameTransform, now: Time) -> Effects:
+        """Take up where the camera is."""
+        try:
+            self._mount = Mount.of(mount)
+        except BadCalibration as error:
+            self._mount = None
+            yield self.say(f"mount refused: {error}", now, "ERROR")
+
+    @on(robot)
+    def localised(self, robot: RobotPose, now: Time) -> None:
+        """Note where the robot is: what is seen is seen from there."""
+        self.state.robots.add(robot.stamp, np.array((robot.pose.x, robot.pose.y, robot.pose.theta)), _REMEMBERED)
+
+    @on(image)
+    def see(self, image: CompressedImage, now: Time) -> Effects:
+        """Look for the object in a picture."""
+        if self.config.finds != "depth":
+            yield from self._look(image, now)
+
+    @on(depth)
+    def feel(self, depth: CompressedImage, now: Time) -> Effects:
+        """Look for the object in depths."""
+        if self.config.finds == "depth":
+            yield from self._look(depth, now)
+
+    @on(tick)
+    def go_on(self, now: Time) -> Effects:
+        """Say where the object must be while no picture comes."""
+        state = self.state
+        if state.track is None or now - state.looked <= nanoseconds(_SILENT) or not state.robots.stamps:
+            return
+        # A copy: pictures that are on their way may be older than now.
+        track = replace(state.track)
+        self._predict(track, now)
+        yield self._say(track, now)
+
+    def _look(self, image: CompressedImage, now: Time) -> Effects:
+        state, camera, mount = self.state, self._camera, self._mount
+        stamp = image.timestamp.seconds * SECOND + image.timestamp.nanos
+        if camera is None or mount is None or not state.robots.stamps or stamp <= state.stamp:
+            return
+        picture = cv2.imdecode(np.frombuffer(image.data, np.uint8), self._finder.decoding) if image.data else None
+        if picture is None or picture.shape[:2] != (camera.height, camera.width):
+            state.unreadable += 1
+            what = "unreadable" if picture is None else f"of {picture.shape[1]} x {picture.shape[0]} pixels"
+            yield self.say(f"picture {what}, expected {camera.width} x {camera.height}", now, "WARNING")
+            return
+        state.looked, state.stamp = now, stamp
+        pose = state.robots.at(stamp)
+        if state.track is not None:
+            self._predict(state.track, stamp)
+        view = View(camera, mount, self._hint(pose), self._free())
+        seen = self._finder.find(picture, view)
+        if seen is not None:
+            self._take(seen, pose, stamp)
+            yield self.annotations(lines(seen.outlines, image.timestamp))
+        if state.track is not None:
+            yield self._say(state.track, stamp)
+
+    def _take(self, seen: Sighting, pose: Array, stamp: Time) -> None:
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        turned = np.array([[c, -s], [s, c]])
+        reading = Reading(
+            place=turned @ seen.place + pose[:2],
+            covariance=turned @ seen.covariance @ turned.T,
+            yaw=None if seen.yaw is None else wrap(seen.yaw + float(pose[2])),
+            yaw_variance=seen.yaw_variance,
+            diameter=self.config.diameter or seen.diameter,
+        )
+        if self.state.track is None:
+            self.state.track = Track.begin(reading, stamp, self.config)
+        else:
+            self.state.track.correct(reading, self.config)
+
+    def _predict(self, track: Track, stamp: Time) -> None:
+        robot = self.state.robots.at(stamp)[:2]
+        track.predict(stamp, robot, 0.0 if self.status is None else self.status.diameter, self.config)
+
+    def _hint(self, pose: Array) -> Hint | None:
+        """Return where the object should be, base frame, `pose` being the robot's; None before it was seen."""
+        track = self.state.track
+        if track is None:
+            return None
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        turned = np.array([[c, s], [-s, c]])
+        yaw = wrap(float(track.yaw[0] - pose[2])) if track.oriented else None
+        age = (self.state.stamp - track.seen) / SECOND
+        return Hint(
+            turned @ (track.mean[:2] - pose[:2]),
+            turned @ track.covariance[:2, :2] @ turned.T,
+            yaw,
+            float(track.yaw_covariance[0, 0]),
+            track.diameter,
+            age,
+        )
+
+    def _say(self, track: Track, stamp: Time) -> Publication:
+        covariance = track.covariance[:2, :2]
+        yaw_variance = float(track.yaw_covariance[0, 0])
+        if self.robot is not None and len(self.robot.covariance) == 9:
+            # Seen from where the robot is taken to be: its error is the object's as well.
+            off = track.mean[:2] - self.state.robots.at(stamp)[:2]
+            lever = np.array([[1.0, 0.0, -off[1]], [0.0, 1.0, off[0]]])
+            pose = np.array(self.robot.covariance).reshape(3, 3)
+            covariance, yaw_variance = covariance + lever @ pose @ lever.T, yaw_variance + float(pose[2, 2])
+        said = ObjectState(
+            stamp=stamp,
+            position=Vector2(x=track.mean[0], y=track.mean[1]),
+            diameter=track.diameter,
+            covariance=covariance.ravel().tolist(),
+            visibility=track.visibility(stamp, self.config),
+        )
+        if track.oriented:
+            said.yaw, said.yaw_variance = float(track.yaw[0]), yaw_variance
+        return self.object(said)
+
+    def _free(self) -> Array:
+        """Return places on the floor, (N, 2), m, base frame, that the laser passes over: they are floor."""
+        scan = self.scan
+        if scan is None or not scan.ranges:
+            return np.empty((0, 2))
+        ranges = np.array(scan.ranges)
+        angles = np.linspace(scan.start_angle, scan.end_angle, len(ranges))
+        turned = scan.pose.orientation
+        angles = angles + 2.0 * math.atan2(turned.z, turned.w)
+        far = np.arange(_FREE[0], _FREE[1], _FREE[2])
+        reach, bearing = np.meshgrid(far, angles, indexing="ij")
+        inside = reach < ranges[None, :] - _CLEAR
+        start = np.array((scan.pose.position.x, scan.pose.position.y))
+        return np.asarray(
+            start + np.column_stack([(reach * np.cos(bearing))[inside], (reach * np.sin(bearing))[inside]])
+        )
