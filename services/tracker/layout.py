@@ -1,7 +1,7 @@
 """Where the tags of an object sit on it.
 
-The object's frame: its origin is the centre of its bounding circle on the floor, x forward, y left, z up. A tag's frame:
-its origin is the middle of the marker, x to the right and y up as it is printed, z out of the print.
+The object's frame: its origin is the centre of its bounding circle on the floor, x forward, y left, z up. A tag's
+frame: its origin is the middle of the marker, x to the right and y up as it is printed, z out of the print.
 """
 
 from __future__ import annotations
