@@ -13,21 +13,20 @@ Array = NDArray[np.float64]
 
 
 def planar(tag: Tag, corners: Array, camera: Camera) -> list[tuple[Array, Array, float]]:
-    """Return the two poses of a tag that its corners, (4, 2), pixels, allow, the better first.
+    """Return the poses of a tag, one or two, that its corners, (4, 2), pixels, allow, the better first.
 
     Each is a rotation, (3, 3), and a position, (3,), m, from the tag's frame to the camera's, and the root mean square
-    error, pixels. There are fewer where the corners are those of no square.
+    distance of the corners, pixels. There is none where the corners are those of no square.
     """
-    _, turns, moves, errors = cv2.solvePnPGeneric(
-        square(tag.side),
-        np.ascontiguousarray(corners),
-        camera.matrix,
-        camera.distortion,
-        flags=cv2.SOLVEPNP_IPPE_SQUARE,
-    )
-    found = zip(turns, moves, np.ravel(errors), strict=True)
-    poses = [(cv2.Rodrigues(turn)[0], np.ravel(move), float(error)) for turn, move, error in found]
-    return [pose for pose in poses if np.isfinite(pose[1]).all()]
+    points, pixels = square(tag.side), np.ascontiguousarray(corners)
+    K, D = camera.matrix, camera.distortion
+    _, turns, moves, _ = cv2.solvePnPGeneric(points, pixels, K, D, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    poses = []
+    for turn, move in zip(turns, moves, strict=True):
+        # Of a tag that faces the camera exactly, one solution is no number and the other is a few degrees off.
+        if np.isfinite(turn).all() and np.isfinite(move).all():
+            poses.append(_settled(points, pixels, camera, turn, move))
+    return sorted(poses, key=lambda pose: pose[2])
 
 
 def free(points: Array, pixels: Array, camera: Camera) -> tuple[Array, Array, float]:
@@ -42,7 +41,12 @@ def free(points: Array, pixels: Array, camera: Camera) -> tuple[Array, Array, fl
     """
     K, D = camera.matrix, camera.distortion
     _, turn, move = cv2.solvePnP(points, pixels, K, D, flags=cv2.SOLVEPNP_SQPNP)
-    turn, move = cv2.solvePnPRefineLM(points, pixels, K, D, turn, move)
+    return _settled(points, pixels, camera, turn, move)
+
+
+def _settled(points: Array, pixels: Array, camera: Camera, turn: Array, move: Array) -> tuple[Array, Array, float]:
+    """Return the pose of least squares near the one of a rotation vector and a position: see `free`."""
+    turn, move = cv2.solvePnPRefineLM(points, pixels, camera.matrix, camera.distortion, turn, move)
     rotation, position = cv2.Rodrigues(turn)[0], np.ravel(move)
     off = camera.project(points @ rotation.T + position) - pixels
     return rotation, position, float(np.sqrt((off**2).sum(axis=1).mean()))

@@ -30,7 +30,7 @@ def mount(pitch: float = 45.0, height: float = 0.9) -> Mount:
 
 def facing(turn: tuple[float, float, float]) -> Array:
     """Return the rotation of a tag, to the camera's frame, that is turned from facing the camera by a vector, rad."""
-    return np.asarray(cv2.Rodrigues(np.array(turn))[0] @ np.diag([1.0, -1.0, -1.0]))
+    return np.asarray(cv2.Rodrigues(np.array(turn, np.float64))[0] @ np.diag([1.0, -1.0, -1.0]))
 
 
 def picture(
