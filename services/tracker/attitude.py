@@ -1,0 +1,52 @@
+"""The pose of a tag, or of a board of tags, in any attitude before a camera."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.tracker.camera import Camera
+from services.tracker.layout import Tag, square
+
+Array = NDArray[np.float64]
+
+
+def planar(tag: Tag, corners: Array, camera: Camera) -> list[tuple[Array, Array, float]]:
+    """Return the poses of a tag, one or two, that its corners, (4, 2), pixels, allow, the better first.
+
+    Each is a rotation, (3, 3), and a position, (3,), m, from the tag's frame to the camera's, and the root mean square
+    distance of the corners, pixels. There is none where the corners are those of no square.
+    """
+    points, pixels = square(tag.side), np.ascontiguousarray(corners)
+    K, D = camera.matrix, camera.distortion
+    _, turns, moves, _ = cv2.solvePnPGeneric(points, pixels, K, D, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    poses = []
+    for turn, move in zip(turns, moves, strict=True):
+        # Of a tag that faces the camera exactly, one solution is no number and the other is a few degrees off.
+        if np.isfinite(turn).all() and np.isfinite(move).all():
+            poses.append(_settled(points, pixels, camera, turn, move))
+    return sorted(poses, key=lambda pose: pose[2])
+
+
+def free(points: Array, pixels: Array, camera: Camera) -> tuple[Array, Array, float]:
+    """Return the pose of a thing in any attitude: rotation (3, 3), position (3,), m, to the camera's frame, and error.
+
+    Args:
+        points: (N, 3), m, the thing's frame, at least 4.
+        pixels: (N, 2), where they are seen.
+
+    Returns:
+        The error is the root mean square distance, pixels.
+    """
+    K, D = camera.matrix, camera.distortion
+    _, turn, move = cv2.solvePnP(points, pixels, K, D, flags=cv2.SOLVEPNP_SQPNP)
+    return _settled(points, pixels, camera, turn, move)
+
+
+def _settled(points: Array, pixels: Array, camera: Camera, turn: Array, move: Array) -> tuple[Array, Array, float]:
+    """Return the pose of least squares near the one of a rotation vector and a position: see `free`."""
+    turn, move = cv2.solvePnPRefineLM(points, pixels, camera.matrix, camera.distortion, turn, move)
+    rotation, position = cv2.Rodrigues(turn)[0], np.ravel(move)
+    off = camera.project(points @ rotation.T + position) - pixels
+    return rotation, position, float(np.sqrt((off**2).sum(axis=1).mean()))
