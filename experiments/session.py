@@ -88,6 +88,9 @@ class SimConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         bool, Meta(description="while pushing, two things are put into the corridor and one is taken away")
     ] = False
     tagged: Annotated[bool, Meta(description="whether the object bears tags for the camera")] = True
+    depth: Annotated[
+        bool, Meta(description="whether the camera measures depth, as well as where the scene says so")
+    ] = False
 
 
 @dataclass(frozen=True)
@@ -217,6 +220,8 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
         if sim.goal is not None:
             room = msgspec.structs.replace(room, goal=scene.Goal(x=sim.goal[0], y=sim.goal[1]))
         room = changing(room, body, BaseModel().diameter, sim.seed)
+    if sim.depth:
+        room = msgspec.structs.replace(room, camera=msgspec.structs.replace(room.camera, depth=True))
     values = {
         "driver": {
             "seed": words[1],

@@ -16,7 +16,9 @@ from runtime.config.layers import ConfigError
 from services.names import CONTROLLERS, STRATEGIES
 
 PRECISION = 0.05
-"""m, of every push here."""
+"""m, unless a case says otherwise."""
+USUAL_PRECISION = 0.1
+"""m, the paper's: what sensors find is off by a third of the other"""
 
 CORRIDORS = ("corridor-1", "corridor-2", "corridor-3")
 WIDTHS = (0.85, 1.0, 1.3, 1.8)
@@ -35,6 +37,15 @@ OPEN_LIMIT = 300.0
 """s, as in Pushing in the Dark."""
 _AROUND = GOALS * len(FRICTIONS) * len(OPEN_OBJECTS)
 
+SENSES: dict[str, dict[str, dict[str, Any]]] = {
+    "truth": {},
+    "tags": {"sim": {"perception": "sensors"}},
+    "appearance": {"sim": {"perception": "sensors", "tagged": False}},
+    "depth": {"sim": {"perception": "sensors", "tagged": False, "depth": True}},
+}
+"""How the pushes of `sensing` are seen: by truth with noise and delay, or by sensors, with an object that bears tags,
+one without that looks other than the floor, and one without before a camera that measures depth."""
+
 YAWS = 8
 """orientations at the goal, at equal angles"""
 YAW_PRECISION = math.radians(15.0)
@@ -46,11 +57,12 @@ class Case:
     """A kind of push.
 
     Attributes:
-        experiment: best, open, orientation or robustness.
+        experiment: best, open, orientation, robustness, dynamic or sensors.
         name: in words; cases of one name are one group of the tables.
         pushes: scene and object of trial i modulo their number.
         settings: configuration that makes the case, section by section.
         first, step: trial i has the seed of the run plus first + step * i.
+        precision: m.
     """
 
     experiment: str
@@ -59,6 +71,7 @@ class Case:
     settings: dict[str, dict[str, Any]]
     first: int = 0
     step: int = 1
+    precision: float = PRECISION
 
 
 @dataclass(frozen=True)
@@ -220,6 +233,32 @@ def value_name(parameter: Parameter, value: float) -> str:
     return f"{parameter.name} {value:g} {parameter.unit}".strip()
 
 
+def changing(perception: str) -> list[Case]:
+    """Return the case of a cluttered room that changes while the robot pushes (Sec. 6.3.4), with every object."""
+    settings = {"sim": {"changing": True, "perception": perception}}
+    name = f"children's room, changing, {perception}"
+    return [Case("dynamic", name, _each(("childrens-room",), HOUSEHOLD), settings, precision=USUAL_PRECISION)]
+
+
+def sensing(kinds: Sequence[str] = ()) -> list[Case]:
+    """Return the cases of one set of pushes in furnished rooms, seen in the ways called `kinds`, or in all.
+
+    Raises:
+        ConfigError: no way is called so.
+    """
+    wrong = [name for name in kinds if name not in SENSES]
+    if wrong:
+        raise ConfigError(f"--senses: nothing is called '{wrong[0]}'; expected some of {', '.join(SENSES)}")
+    places, things = (*ROOMS, "living-room"), (*HOUSEHOLD, *SHAPES)
+    assert math.gcd(len(places), len(things)) == 1
+    pushes = tuple((places[i % len(places)], things[i % len(things)]) for i in range(len(places) * len(things)))
+    return [
+        Case("sensors", name, pushes, settings, precision=USUAL_PRECISION)
+        for name, settings in SENSES.items()
+        if not kinds or name in kinds
+    ]
+
+
 def tasks(cases: Sequence[Case], name: str, trials: int, first_seed: int) -> Iterator[Task]:
     """Yield `trials` of every case with the method called `name`, one of each in turn.
 
@@ -241,7 +280,7 @@ def tasks(cases: Sequence[Case], name: str, trials: int, first_seed: int) -> Ite
                 object=thing,
                 strategy=strategy,
                 controller=controller,
-                precision=PRECISION,
+                precision=case.precision,
                 seed=first_seed + case.first + case.step * i,
                 case=case.name,
                 settings=msgspec.json.encode(case.settings, order="sorted").decode() if case.settings else "",
@@ -251,8 +290,9 @@ def tasks(cases: Sequence[Case], name: str, trials: int, first_seed: int) -> Ite
 def folder_of(one: Task) -> str:
     """Return the folder for recordings of the case that `one` is a trial of."""
     # In the sweep a case goes over the scenes; in the others each scene has its own.
-    words = [one.case, one.method] if one.experiment == "robustness" else [one.scene, one.object, one.case, one.method]
-    if one.experiment in ("best", "orientation"):
+    mixed = one.experiment in ("robustness", "sensors")
+    words = [one.case, one.method] if mixed else [one.scene, one.object, one.case, one.method]
+    if one.experiment in ("best", "orientation", "dynamic"):
         words.remove(one.object)
     return re.sub(r"[^a-z0-9.]+", "-", "-".join([one.experiment, *words]).lower())
 

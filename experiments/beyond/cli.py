@@ -1,4 +1,4 @@
-"""`pushlane experiment best|open|orientation|robustness`: what the predictive method is held to, past the paper."""
+"""`pushlane experiment best|open|orientation|robustness|dynamic|sensors`: what lies past the paper's own tables."""
 
 from __future__ import annotations
 
@@ -34,6 +34,11 @@ Parameters = Annotated[
         metavar="A,B", help="Only these: noise, latency, speed, size, mass, friction.", show_default="all of them"
     ),
 ]
+Perception = Annotated[str, typer.Option(metavar="NAME", help="truth or sensors.")]
+Senses = Annotated[
+    str,
+    typer.Option(metavar="A,B", help="Only these: truth, tags, appearance, depth.", show_default="all of them"),
+]
 Plots = Annotated[bool, typer.Option("--plots/--no-plots", help="Draw.")]
 
 _KEPT = f"Writes report.md, trials.parquet, failures.md and plots, and prints the tables.\n\n{KEPT}"
@@ -60,6 +65,15 @@ def register(experiment: typer.Typer) -> None:
         name="robustness",
         help=f"Success over noise, latency, speed, size, mass and friction, one at a time.\n\n{_KEPT}",
     )(robustness)
+    experiment.command(
+        name="dynamic",
+        help="Experiment 4: the children's room, where things are put into the corridor and taken away while the robot "
+        f"pushes.\n\n{_KEPT}",
+    )(dynamic)
+    experiment.command(
+        name="sensors",
+        help=f"The same pushes seen by truth, by tags, by looks and by depth.\n\n{_KEPT}",
+    )(sensors)
 
 
 def best(
@@ -130,6 +144,44 @@ def robustness(
     from experiments.beyond import cases
 
     _carry_out(cases.sweep(names(parameters)), trials, jobs, seed, output, method, failures, plots, config, assignments)
+
+
+def dynamic(
+    trials: Trials = 50,
+    jobs: Jobs = 2,
+    seed: Seed = 1,
+    output: Output = Path("out/dynamic"),
+    method: Method = "predictive",
+    perception: Perception = "truth",
+    failures: Failures = 3,
+    plots: Plots = True,
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+) -> None:
+    """Run Experiment 4."""
+    from experiments.beyond import cases
+
+    chosen = cases.changing(perception)
+    _carry_out(chosen, trials, jobs, seed, output, method, failures, plots, config, assignments)
+
+
+def sensors(
+    trials: Trials = 100,
+    jobs: Jobs = 2,
+    seed: Seed = 1,
+    output: Output = Path("out/sensors"),
+    method: Method = "predictive",
+    senses: Senses = "",
+    failures: Failures = 3,
+    plots: Plots = True,
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+) -> None:
+    """Run the pushes from sensors."""
+    from experiments.beyond import cases
+
+    chosen = cases.sensing(names(senses))
+    _carry_out(chosen, trials, jobs, seed, output, method, failures, plots, config, assignments)
 
 
 def _carry_out(

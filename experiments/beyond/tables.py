@@ -13,6 +13,7 @@ from experiments.beyond.cases import (
     NO_YAW,
     OPEN_OBJECTS,
     PARAMETERS,
+    SENSES,
     WIDTHS,
     YAW,
     goal_of,
@@ -214,6 +215,41 @@ def robustness(outcomes: Sequence[Outcome]) -> list[Table]:
     return found
 
 
+def dynamic(outcomes: Sequence[Outcome]) -> list[Table]:
+    """Return the tables of `pushlane experiment dynamic`."""
+    ours = [one for one in outcomes if one.experiment == "dynamic"]
+    rows = []
+    for method in methods(ours):
+        for case in sorted({one.case for one in ours if one.method == method}):
+            mine = [one for one in ours if (one.method, one.case) == (method, case)]
+            rows.append((method, case, "all", *_row(mine)))
+            rows += [(method, case, thing, *_row(_of(mine, thing))) for thing in HOUSEHOLD if _of(mine, thing)]
+    return [Table("Experiment 4: success", ("method", "case", "object", *_ROW), tuple(rows))]
+
+
+def sensors(outcomes: Sequence[Outcome]) -> list[Table]:
+    """Return the tables of `pushlane experiment sensors`: rates on the seeds that were pushed with truth as well."""
+    ours = [one for one in outcomes if one.experiment == "sensors"]
+    rows, places = [], []
+    for method in methods(ours):
+        mine = {name: [one for one in ours if (one.method, one.case) == (method, name)] for name in SENSES}
+        truth = {one.seed: one for one in mine["truth"]}
+        for name, some in mine.items():
+            if not some:
+                continue
+            both = [one for one in some if one.seed in truth]
+            gain = sum(one.success - truth[one.seed].success for one in both)
+            beside = f"{100 * gain / len(both):+.1f} of {len(both)}" if both and name != "truth" else "-"
+            rows.append((method, name, *_row(some), beside))
+            scenes = sorted({one.scene for one in ours})
+            places.append((method, name, *(_success(some, "scene", place) for place in scenes)))
+    scenes = sorted({one.scene for one in ours})
+    return [
+        Table("From sensors: success", ("method", "seen by", *_ROW, "points beside truth"), tuple(rows)),
+        Table("By scene", ("method", "seen by", *scenes), tuple(places)),
+    ]
+
+
 def tables(outcomes: Sequence[Outcome]) -> list[Table]:
     """Return every table that there are trials for."""
     return [
@@ -224,6 +260,8 @@ def tables(outcomes: Sequence[Outcome]) -> list[Table]:
             *around(outcomes),
             *orientation(outcomes),
             *robustness(outcomes),
+            *dynamic(outcomes),
+            *sensors(outcomes),
         )
         if one.rows
     ]

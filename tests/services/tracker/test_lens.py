@@ -9,7 +9,8 @@ from tests.services.tracker.pictures import camera
 
 
 @pytest.mark.parametrize(
-    "distortion", [(0.0,) * 5, (0.3, 0.1, 0.002, -0.001, 0.0), (-0.3, 0.1, 0.0, 0.0, 0.0), (-0.25, 0.09, 0.001, 0.0, -0.01)]
+    "distortion",
+    [(0.0,) * 5, (0.3, 0.1, 0.002, -0.001, 0.0), (-0.3, 0.1, 0.0, 0.0, 0.0), (-0.25, 0.09, 0.001, 0.0, -0.01)],
 )
 def test_rays_lead_back_to_their_pixels(distortion: tuple[float, ...]) -> None:
     bent = camera(distortion)
