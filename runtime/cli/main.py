@@ -18,6 +18,7 @@ from runtime.errors import PushlaneError
 VERB_MODULES = (
     "experiments.cli",
     "experiments.slam.cli",
+    "experiments.camera.cli",
     "replays.cli",
     "replays.experience",
     "runtime.cli.live",

@@ -1,0 +1,1 @@
+"""`pushlane camera` and `pushlane calibrate`: real cameras on the command line."""
