@@ -61,7 +61,7 @@ def feed(
         while not wait(0.0):
             left = due - clock()
             if left > 0:
-                if not source.skip():
+                if not source.advance():
                     wait(left)
                 continue
             try:

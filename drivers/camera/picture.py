@@ -58,15 +58,15 @@ class Source(Protocol):
     """Gives pictures one by one."""
 
     def take(self) -> Picture:
-        """Return the next picture; of a camera, one exposed about now.
+        """Return the picture that `advance` went on to, or else the next one.
 
         Raises:
             NoPicture: there is none now; the next call tries again, from the connection on.
             Ended: there will be none.
         """
 
-    def skip(self) -> bool:
-        """Drop a picture that waits, so that the next one taken is new. Returns False if none ever waits."""
+    def advance(self) -> bool:
+        """Wait for the next picture, leaving out the one before. Returns False, at once, if none comes by itself."""
 
     def close(self) -> None:
         """Give the device back."""

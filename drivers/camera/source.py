@@ -80,7 +80,7 @@ class Folder:
             raise NoPicture(f"{path.name}: is no picture that can be read")
         return Picture(path.name, pixels=np.asarray(pixels, np.uint8))
 
-    def skip(self) -> bool:
+    def advance(self) -> bool:
         """Return False: every file counts."""
         return False
 
@@ -117,7 +117,7 @@ class Film:
         self._number += 1
         return Picture(f"{self._path.name} #{self._number}", pixels=np.asarray(pixels, np.uint8))
 
-    def skip(self) -> bool:
+    def advance(self) -> bool:
         """Return False: every picture counts."""
         return False
 
@@ -144,25 +144,28 @@ class Device:
         self._number = number
         self._size = size
         self._capture: cv2.VideoCapture | None = None
+        self._there = False
         self._taken = 0
 
     def take(self) -> Picture:
-        """Wait for the next picture.
+        """Return the picture that `advance` went on to, or wait for the next one.
 
         Raises:
             NoPicture: the camera cannot be opened, or gives none.
         """
         capture = self._capture or self._open()
-        there, pixels = capture.read()
+        there, pixels = capture.retrieve() if self._there or capture.grab() else (False, None)
+        self._there = False
         if not there:
             self.close()
             raise NoPicture(f"camera {self._number} gives no picture: is it still connected?")
         self._taken += 1
         return Picture(f"camera {self._number} #{self._taken}", pixels=np.asarray(pixels, np.uint8))
 
-    def skip(self) -> bool:
-        """Drop the next picture without decoding it."""
-        return self._capture is not None and bool(self._capture.grab())
+    def advance(self) -> bool:
+        """Wait for the next picture, and decode none. Returns False if the camera is not open, or was unplugged."""
+        self._there = self._capture is not None and bool(self._capture.grab())
+        return self._there
 
     def close(self) -> None:
         """Let others use the camera."""

@@ -72,7 +72,7 @@ class Stills:
             raise NoPicture(f"{self._url}: {str(error) or type(error).__name__}") from error
         return Picture(f"{self._url} #{self._asked}", data)
 
-    def skip(self) -> bool:
+    def advance(self) -> bool:
         """Return False: a still is taken when it is asked for."""
         return False
 
