@@ -76,7 +76,7 @@ def test_pictures_of_a_folder_are_fed_recorded_and_replayed(tmp_path: Path) -> N
     head = header.of_this_machine("live", 1, [CameraService.name])
     settings = msgspec.json.encode({"sections": {CameraService.name: msgspec.to_builtins(config())}})
     with Recorder(path, head, settings) as recorder:
-        for sample in heard:
+        for sample in {(one.topic, one.sequence): one for one in heard}.values():  # latched values come again
             if not sample.topic.startswith("health/"):
                 recorder(sample)
     report = replay(load(path), services=lambda _: CameraService)
