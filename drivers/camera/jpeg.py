@@ -39,7 +39,7 @@ def size(data: bytes) -> tuple[int, int]:
             place += 1
         elif marker in _ALONE:
             place += 2
-        elif marker in _FRAMES and place + 9 <= len(data):
+        elif marker in _FRAMES:
             height, width = (int.from_bytes(data[at : at + 2], "big") for at in (place + 5, place + 7))
             if not width or not height:
                 raise BadJpeg(f"a JPEG of {width} x {height} pixels")

@@ -29,7 +29,7 @@ class Stills:
     Args:
         url: http:// or https://.
         clock: gives s, steadily.
-        patience: s within which a picture has to have come.
+        patience: s without a word after which an answer is given up, and s after which it is if it has not ended.
 
     Raises:
         BadAddress: it is none.
@@ -85,7 +85,6 @@ class Stills:
         end = self._clock() + self._patience
         # A number that changes keeps caches on the way from answering.
         self._connection.request("GET", f"{self._path}{self._asked}", headers={"Accept": "image/jpeg"})
-        socket = self._connection.sock
         with self._connection.getresponse() as response:
             if response.status != http.client.OK:
                 raise NoPicture(f"{self._url} answered {response.status}: {_text(response)}")
@@ -93,16 +92,12 @@ class Stills:
             while piece := response.read1(_PIECE):
                 pieces.append(piece)
                 length += len(piece)
-                left = end - self._clock()
-                if left <= 0:
+                if self._clock() > end:
                     raise NoPicture(f"{self._url}: {length} bytes came within {self._patience:g} s, and no end")
                 if length > _LARGEST:
                     raise NoPicture(f"{self._url} answered more than {_LARGEST} bytes")
-                socket.settimeout(left)
             if response.length:
                 raise NoPicture(f"{self._url}: the answer broke off {response.length} bytes before its end")
-        if self._connection.sock is not None:
-            self._connection.sock.settimeout(self._patience)
         return b"".join(pieces)
 
 

@@ -55,8 +55,10 @@ def test_of_a_charuco_board_a_part_is_enough_and_of_a_chessboard_it_is_not() -> 
 
 def test_too_little_of_a_board_is_not_seen() -> None:
     drawn, side = sheet.page(CHARUCO, 60 * 0.0254 / 0.04)
-    with pytest.raises(NotSeen, match="expected at least 6|in a line|no corner"):
-        CHARUCO.find(drawn[: round(3.2 * side)])
+    with pytest.raises(NotSeen, match="4 corners of the board, expected at least 6"):
+        CHARUCO.find(drawn[: round(4.4 * side), : round(4.4 * side)])
+    with pytest.raises(NotSeen, match="6 corners of the board, all in a line"):
+        CHARUCO.find(drawn[: round(3.4 * side)])
     with pytest.raises(NotSeen, match="no corner of the board, and 0 markers of 5X5_100"):
         CHARUCO.find(np.full((200, 200), 128, np.uint8))
 

@@ -157,3 +157,4 @@ def test_a_board_that_was_held_still_is_one_view() -> None:
     assert not moved(one, again, 640)
     assert moved(one, other, 640)
     assert moved(one, part, 640)
+    assert moved(Sighting(one.points[:-3], one.pixels[3:]), part, 640)  # other corners, in the same places

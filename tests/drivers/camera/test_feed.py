@@ -112,6 +112,7 @@ def test_a_camera_that_is_gone_is_waited_for_and_few_words_are_made() -> None:
     times = [when for when, _ in world.given]
     assert max(b - a for a, b in zip(times, times[1:], strict=False)) < 12.0 + 2.0 + 0.2  # one pause late at most
     assert times[-1] > 19.5
+    assert len([when for when in times if when >= 14.0]) <= 10 * 6 + 1  # what was missed is not made up for
     assert 5 <= tally.failed < 20
     said = [text for _, text in world.lines]
     assert said[:-1] == ["it is gone; trying again"] * (len(said) - 1)
