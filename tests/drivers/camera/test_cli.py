@@ -53,6 +53,7 @@ def test_a_folder_becomes_a_section_that_the_camera_reads(folder: Path, tmp_path
     assert any(line.startswith("not used, not read: torn.png") for line in said)
     assert any(line.startswith("not used, a JPEG of 3 bytes cannot be decoded: torn.jpg") for line in said)
     assert re.search(r"^  fx +5(19|20|21)\.\d{3} \+- 0\.\d{3} pixels$", done.output, re.MULTILINE)
+    assert re.search(r"^  cx +32[567]\.\d{3} \+- 0\.\d{3} pixels$", done.output, re.MULTILINE)
     assert re.search(r"^  k3 +0\.000000 not estimated$", done.output, re.MULTILINE)
     mount = tmp_path / "mount.toml"
     mount.write_text("[opencv-camera.mount]\nx = 0.1\nz = 0.9\npitch = 0.7\n")
