@@ -71,6 +71,17 @@ def sim(
     mode: Annotated[
         Mode, typer.Option(help="local: all services in this process; lockstep: each in its own, stepped over Zenoh.")
     ] = Mode.LOCAL,
+    perception: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="sensors: camera, laser, infra-red and odometry; truth: the simulation's own, thirty times as fast.",
+            show_default="sensors",
+        ),
+    ] = "",
+    tags: Annotated[
+        bool | None, typer.Option("--tags/--no-tags", help="Whether the object bears tags.", show_default="--tags")
+    ] = None,
     experience: ExperienceFile = None,
     config: ConfigFile = None,
     assignments: Assignments = None,
@@ -103,9 +114,12 @@ def sim(
         "--yaw": ("yaw", None if yaw is None else math.radians(yaw)),
         "--time-limit": ("time_limit", time_limit),
         "--seed": ("seed", seed),
+        "--perception": ("perception", perception),
+        "--tags": ("tagged", tags),
     }
     options = [Layer(flag, {"sim": {key: value}}) for flag, (key, value) in given.items() if value not in (None, "")]
-    session = prepare([*with_experience(layers(config, assignments), experience), *options])
+    weakest = Layer("pushlane sim", {"sim": {"perception": "sensors"}})
+    session = prepare([weakest, *with_experience(layers(config, assignments), experience), *options])
     delivered = watching.show(
         session,
         output,

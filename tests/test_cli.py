@@ -14,7 +14,7 @@ import pytest
 from drivers.sapien import objects, scene
 from services.names import CONTROLLERS, STRATEGIES
 
-SHORT = ["--scene", "open", "--goal", "1.6", "0.3"]
+SHORT = ["--perception", "truth", "--scene", "open", "--goal", "1.6", "0.3"]
 
 
 def pushlane(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -98,7 +98,7 @@ def test_a_failed_push_exits_with_1_and_is_kept(tmp_path: Path) -> None:
 )
 def test_mistakes_are_named_in_one_line(arguments: list[str], words: str, tmp_path: Path) -> None:
     output = [] if "-o" in arguments else ["-o", "a.mcap"]
-    ran = pushlane("sim", *arguments, *output, cwd=tmp_path)
+    ran = pushlane("sim", "--perception", "truth", *arguments, *output, cwd=tmp_path)
     assert ran.returncode == 2, ran.stdout
     assert words in ran.stderr
     assert len(ran.stderr.strip().splitlines()) == 1
@@ -107,7 +107,7 @@ def test_mistakes_are_named_in_one_line(arguments: list[str], words: str, tmp_pa
 
 def test_a_recording_that_is_there_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"precious")
-    for arguments in (SHORT, ["--goal", "100", "100"]):
+    for arguments in (SHORT, [*SHORT, "--goal", "100", "100"]):
         ran = pushlane("sim", *arguments, "-o", "a.mcap", cwd=tmp_path)
         assert ran.returncode == 2
         assert "a.mcap is there already" in ran.stderr
@@ -122,7 +122,19 @@ def test_ctrl_c_ends_a_push_and_leaves_a_whole_recording(mode: str, tmp_path: Pa
     from replays.recording import load
     from replays.replay import replay
 
-    command = [sys.executable, "-m", "runtime.cli.main", "sim", "--scene", "2A", "-o", "a.mcap", "--mode", mode]
+    command = [
+        sys.executable,
+        "-m",
+        "runtime.cli.main",
+        "sim",
+        "--perception",
+        "truth",
+        "--scene",
+        "2A",
+        "-o",
+        "a.mcap",
+    ]
+    command += ["--mode", mode]
     running = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert running.stdout is not None
     for line in running.stdout:

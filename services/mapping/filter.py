@@ -32,7 +32,7 @@ _STEP, _TURN = 0.03, 0.01
 """m and rad, first steps of the match"""
 _WORTH = 60.0
 """independent beams that a scan is worth in the match: with fewer, poses that hardly fit are drawn"""
-_FEW, _BEAMS = 90, 120
+_FEW, _BEAMS = 90, 180
 """beams that are looked at in the search and in the match"""
 _DRAWN = 24
 """poses that the Gaussian is found from"""

@@ -207,7 +207,9 @@ def test_bad_numbers_are_refused_at_the_edge(change: Callable[[dict[str, Any]], 
 def test_files_that_are_none_are_named_in_one_line(text: str | None, words: str, tmp_path: Path) -> None:
     if text is not None:
         (tmp_path / "a.json").write_text(text)
-    ran = pushlane("sim", "--scene", "open", "--time-limit", "1", "--experience", "a.json", cwd=tmp_path)
+    ran = pushlane(
+        "sim", "--perception", "truth", "--scene", "open", "--time-limit", "1", "--experience", "a.json", cwd=tmp_path
+    )
     assert ran.returncode == 2
     assert words in ran.stderr
     assert len(ran.stderr.strip().splitlines()) == 1
@@ -226,7 +228,7 @@ def test_the_command_saves_what_can_be_used_and_says_what_cannot(tmp_path: Path)
     again = pushlane("experience", "save", "a.mcap", "-o", "a.json", cwd=tmp_path)
     assert (again.returncode, "a.json is there already" in again.stderr) == (2, True)
     assert (tmp_path / "a.json").read_bytes() == before
-    shown = pushlane("sim", "--scene", "open", "--time-limit", "1", "--experience", "a.json", "--set",
+    shown = pushlane("sim", "--perception", "truth", "--scene", "open", "--time-limit", "1", "--experience", "a.json", "--set",
                      "learner.known.windows=-1", cwd=tmp_path)  # fmt: skip
     assert "--set: learner.known.windows: expected `int` >= 0" in shown.stderr
     golden = str(RECORDINGS / "corridor-1-relaxed.mcap")
