@@ -14,7 +14,7 @@ class FilterConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     visible_for: Annotated[float, Meta(gt=0, le=10, description="s after it was seen that it counts as seen")] = 0.25
     predicted_for: Annotated[float, Meta(gt=0, le=60, description="s after which it counts as lost")] = 1.0
     drag: Annotated[float, Meta(gt=0, le=60, description="s in which friction stops what nobody pushes")] = 0.15
-    drag_pushed: Annotated[float, Meta(gt=0, le=60, description="s, the same beside the base")] = 1.0
+    drag_pushed: Annotated[float, Meta(gt=0, le=60, description="s, the same beside the base")] = 3.0
     shove: Annotated[float, Meta(gt=0, le=50, description="m/s^2, accelerations of what nobody pushes")] = 0.3
     shove_pushed: Annotated[float, Meta(gt=0, le=50, description="m/s^2, the same beside the base")] = 1.5
     speed: Annotated[float, Meta(gt=0, le=10, description="m/s that it may have when it is seen first")] = 0.3

@@ -1,7 +1,7 @@
 """Follows one object over the floor: a Kalman filter that knows that only what is pushed moves, and where contact is.
 
 Constant velocity with a drag: the floor's friction stops an object that nobody pushes within a fraction of a second, so
-what was seen last is the best guess of one that is out of sight. A base that would stand in the object pushes it along.
+what was seen last is the best guess of one that is out of sight. A base that would stand in a hidden object pushes it.
 """
 
 from __future__ import annotations
@@ -57,6 +57,8 @@ class Track:
         diameter: m. readings: how many there were.
         seen: ns, when it was seen last. strange: readings in a row that were beyond the gate.
         strange_yaw: the same of the yaw.
+        robot: (2,), m, where the base was at `stamp`. nearest: m, least distance from there to o while it was seen: an
+            object that is no disc comes nearer than its bounding circle.
     """
 
     stamp: Time
@@ -70,6 +72,8 @@ class Track:
     seen: Time = 0
     strange: int = 0
     strange_yaw: int = 0
+    robot: Array = field(default_factory=lambda: np.full(2, 1e6))
+    nearest: float = 1e6
 
     @classmethod
     def begin(cls, reading: Reading, stamp: Time, config: FilterConfig) -> Track:
@@ -99,9 +103,8 @@ class Track:
         dt = (stamp - self.stamp) / SECOND
         if dt <= 0.0:
             return
-        off = self.mean[:2] - robot
-        distance, touch = math.hypot(off[0], off[1]), 0.5 * (robot_diameter + self.diameter)
-        near = distance < touch + _NEAR
+        touch = 0.5 * (robot_diameter + self.diameter)
+        near = math.hypot(*(self.mean[:2] - robot)) < touch + _NEAR
         drag, shove = (config.drag_pushed, config.shove_pushed) if near else (config.drag, config.shove)
         kept = math.exp(-dt / drag)
         way = drag * (1.0 - kept)
@@ -113,9 +116,12 @@ class Track:
         self.yaw[0] = wrap(float(self.yaw[0]))
         spin = shove / max(0.5 * self.diameter, 0.05)
         self.yaw_covariance = turned @ self.yaw_covariance @ turned.T + _noise(dt, spin)[::2, ::2]
-        if stamp > self.seen and 0.0 < distance < touch:
+        self.robot = robot
+        off = self.mean[:2] - robot
+        distance, least = math.hypot(off[0], off[1]), min(touch, self.nearest)
+        if 0.0 < distance < least and (stamp - self.seen) / SECOND > config.visible_for:
             # It is not in the base: it was pushed on, the shortest way.
-            self.mean[:2] = robot + off * (touch / distance)
+            self.mean[:2] = robot + off * (least / distance)
         self.stamp = stamp
 
     def correct(self, reading: Reading, config: FilterConfig) -> bool:
@@ -136,6 +142,7 @@ class Track:
             # Joseph's form stays symmetric and positive.
             self.covariance = kept @ self.covariance @ kept.T + gain @ reading.covariance @ gain.T
         self.strange = 0
+        self.nearest = min(self.nearest, math.hypot(*(self.mean[:2] - self.robot)))
         self._take_yaw(reading)
         self._note(reading, self.stamp, config)
         return True

@@ -91,10 +91,10 @@ def test_out_of_sight_it_is_predicted_then_lost_and_known_ever_less() -> None:
 
 
 def test_out_of_sight_the_base_pushes_it_along() -> None:
-    track = fed([(0.4, 0.0)] * 10, np.array([0.0, 0.0]))
+    track = fed([(0.375, 0.0)] * 10, np.array([0.0, 0.0]))
     for k in range(1, 11):
         track.predict(track.seen + k * DT, np.array([0.03 * k, 0.0]), D_R, CONFIG)
-    assert track.mean[0] >= 0.3 + 0.5 * (D_R + 0.3) - 1e-9
+    assert track.mean[0] == pytest.approx(0.3 + 0.5 * (D_R + 0.3), abs=0.005)
     assert track.mean[1] == pytest.approx(0.0, abs=1e-9)
 
 
