@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +20,20 @@ def planar(tag: Tag, corners: Array, camera: Camera) -> list[tuple[Array, Array,
     Each is a rotation, (3, 3), and a position, (3,), m, from the tag's frame to the camera's, and the root mean square
     distance of the corners, pixels. There is none where the corners are those of no square.
     """
-    points, pixels = square(tag.side), np.ascontiguousarray(corners)
-    K, D = camera.matrix, camera.distortion
-    _, turns, moves, _ = cv2.solvePnPGeneric(points, pixels, K, D, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    pixels = np.ascontiguousarray(corners)
+    # OpenCV's solver loses solutions that are turned by half a turn from the camera's axes, which tags that face the
+    # camera are. So the tag is described in axes of its own that are within an eighth of a turn of the camera's.
+    x, y = pixels[1] - pixels[0]
+    quarters = round(math.atan2(y, x) / (0.5 * math.pi))
+    c, s = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]
+    axes = np.array([[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]])
+    points = square(tag.side) @ axes.T
+    _, turns, moves, _ = cv2.solvePnPGeneric(points, pixels, camera.matrix, camera.distortion, flags=cv2.SOLVEPNP_IPPE)
     poses = []
     for turn, move in zip(turns, moves, strict=True):
-        # Of a tag that faces the camera exactly, one solution is no number and the other is a few degrees off.
         if np.isfinite(turn).all() and np.isfinite(move).all():
-            poses.append(_settled(points, pixels, camera, turn, move))
+            rotation, position, error = _settled(points, pixels, camera, turn, move)
+            poses.append((rotation @ axes, position, error))
     return sorted(poses, key=lambda pose: pose[2])
 
 

@@ -24,7 +24,8 @@ from services.tracker.tags import Tags
 Array = NDArray[np.float64]
 
 NOISE = 0.1
-"""pixels, standard deviation of a found corner along each axis"""
+"""pixels, standard deviation of a found corner along each axis: 0.05 in rendered pictures with noise of 2 grey levels
+and markers of 16 to 90 pixels, 0.15 to 0.3 by the residuals of single tags in photos, whose lens is known less well"""
 TOLERANCE = 2.0
 """pixels, root mean square distance from where its corners should be at which a tag contradicts a pose"""
 _SAME = math.radians(10.0)

@@ -63,9 +63,9 @@ def picture(
     column = np.floor((spot[:, 0] + half) / side * modules).astype(int)
     row = np.floor((half - spot[:, 1]) / side * modules).astype(int)
     on = (column >= 0) & (row >= 0) & (column < modules + 2) & (row < modules + 2)
-    fine = np.full(len(rays), 0.2)
-    fine[on] = np.where(print_[row[on], column[on]] > 0, 0.8, 0.02)
-    fine = fine.reshape(len(y), len(x))
+    flat = np.full(len(rays), 0.2)
+    flat[on] = np.where(print_[row[on], column[on]] > 0, 0.8, 0.02)
+    fine = flat.reshape(len(y), len(x))
     if blur:
         fine = cv2.GaussianBlur(fine, (0, 0), blur * FINE, borderType=cv2.BORDER_REPLICATE)
     window = fine.reshape(len(y) // FINE, FINE, len(x) // FINE, FINE).mean(axis=(1, 3))

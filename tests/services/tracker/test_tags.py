@@ -30,7 +30,7 @@ def outward(found: Array, true: Array) -> float:
 
 @pytest.mark.parametrize(("z", "within"), [(0.4, 0.05), (0.8, 0.05), (1.2, 0.06), (1.6, 0.12)])
 def test_corners_are_those_of_the_print(z: float, within: float) -> None:
-    """Markers of 78 to 19 pixels, 1 level of noise. Refined where a corner seems to be, they are 0.2 pixel too small."""
+    """Markers of 78 to 19 pixels, 1 level of noise. Refined where a corner seems to be, they are 0.2 inside."""
     options = cv2.aruco.DetectorParameters()
     options.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     common = cv2.aruco.ArucoDetector(dictionary("DICT_4X4_50"), options)
