@@ -15,10 +15,10 @@ Array = NDArray[np.float64]
 
 
 def planar(tag: Tag, corners: Array, camera: Camera) -> list[tuple[Array, Array, float]]:
-    """Return the poses of a tag, one or two, that its corners, (4, 2), pixels, allow, the better first.
+    """Return the two poses of a tag that its corners, (4, 2), pixels, allow, the better first; at least one.
 
     Each is a rotation, (3, 3), and a position, (3,), m, from the tag's frame to the camera's, and the root mean square
-    distance of the corners, pixels. There is none where the corners are those of no square.
+    distance of the corners, pixels.
     """
     pixels = np.ascontiguousarray(corners)
     # OpenCV's solver loses solutions that are turned by half a turn from the camera's axes, which tags that face the
@@ -34,6 +34,10 @@ def planar(tag: Tag, corners: Array, camera: Camera) -> list[tuple[Array, Array,
         if np.isfinite(turn).all() and np.isfinite(move).all():
             rotation, position, error = _settled(points, pixels, camera, turn, move)
             poses.append((rotation @ axes, position, error))
+    # Noise makes it rare, but corners that are symmetric to the last digit lose one or both.
+    if len(poses) < 2:
+        rotation, position, error = free(points, pixels, camera)
+        poses.append((rotation @ axes, position, error))
     return sorted(poses, key=lambda pose: pose[2])
 
 

@@ -45,6 +45,7 @@ def drawn(random: np.random.Generator, only: tuple[int, ...] = ALL) -> tuple[Arr
             return pose, tags
 
 
+@example(x=1.1605453930301737, y=0.0, yaw=-1e-9, k1=-0.15623465961640895, only=(1, 2, 3, 4))
 @given(
     x=st.floats(0.5, 1.9), y=st.floats(-0.5, 0.5), yaw=st.floats(-math.pi, math.pi),
     k1=st.floats(-0.2, 0.2), only=st.sampled_from([ALL, (0,), (1, 2, 3, 4), (0, 3)]),
@@ -191,7 +192,7 @@ def test_a_board_in_any_attitude_is_found_exactly(
     points = np.array([[0.05 * i, 0.05 * j, 0.0] for i in range(4) for j in range(3)])
     rotation, position = facing(turn), np.array([x, y, z])
     found, place, error = free(points, lens.project(points @ rotation.T + position), lens)
-    np.testing.assert_allclose(found, rotation, atol=1e-6)
+    np.testing.assert_allclose(found, rotation, atol=1e-5)
     np.testing.assert_allclose(place, position, atol=1e-6)
     assert error < 1e-4
 
