@@ -144,7 +144,7 @@ class CorridorService(Service):
         found, robot, object = self._geometry, self.robot, self.object
         if found is None or robot is None or object is None:
             return 0.0
-        ahead = found.arc >= found.closest(vector(object.position)).arc
+        ahead = found.arc >= min(found.closest(vector(object.position)).arc, float(found.arc[-1]))
         now = measure(*self._cells(grid, found.path), _bodies(robot, object, found, 0.5 * self.config.object_margin))
         change = np.minimum(now.along(found.path[ahead]), self.config.clearance_cap) - found.clearance[ahead]
         worst, best = float(change.min()), float(change.max())

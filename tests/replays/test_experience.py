@@ -228,8 +228,8 @@ def test_the_command_saves_what_can_be_used_and_says_what_cannot(tmp_path: Path)
     again = pushlane("experience", "save", "a.mcap", "-o", "a.json", cwd=tmp_path)
     assert (again.returncode, "a.json is there already" in again.stderr) == (2, True)
     assert (tmp_path / "a.json").read_bytes() == before
-    shown = pushlane("sim", "--perception", "truth", "--scene", "open", "--time-limit", "1", "--experience", "a.json", "--set",
-                     "learner.known.windows=-1", cwd=tmp_path)  # fmt: skip
+    short = ["--perception", "truth", "--scene", "open", "--time-limit", "1", "--experience", "a.json"]
+    shown = pushlane("sim", *short, "--set", "learner.known.windows=-1", cwd=tmp_path)
     assert "--set: learner.known.windows: expected `int` >= 0" in shown.stderr
     golden = str(RECORDINGS / "corridor-1-relaxed.mcap")
     none = pushlane("experience", "save", golden, "-o", "b.json", cwd=tmp_path)
