@@ -8,6 +8,7 @@ things, so that their far sides are seen as well; of what is higher than the cam
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -79,7 +80,7 @@ def things(eye: DepthEye, depth: Array, plane: Plane) -> list[Region]:
     order = shown[np.argsort(labels.flat[shown], kind="stable")]
     starts = np.searchsorted(labels.flat[order], np.arange(1, labels.max(initial=0) + 2))
     found = []
-    for first, last in zip(starts[:-1], starts[1:], strict=True):
+    for first, last in pairwise(starts):
         if last - first < FEWEST:
             continue
         at = order[first:last]

@@ -23,7 +23,7 @@ EYE = DepthEye.of(SMALL)
 @settings(max_examples=20)
 def test_an_empty_floor_is_found_as_the_mount_says(pitch: float, height: float, seed: int) -> None:
     on = mount(pitch, height)
-    depth, shown, _ = cast(SMALL, on, [])
+    depth, _, _ = cast(SMALL, on, [])
     depth[depth > 4.0] = 0.0
     plane = support(EYE, measured(depth, seed))
     true = Plane.floor(on)
