@@ -96,7 +96,8 @@ def things(eye: DepthEye, depth: Array, plane: Plane) -> list[Region]:
         covariance = along_and_across(centre - plane.origin, np.hypot(pixel, 2.0 * sigma), np.hypot(pixel, sigma))
         found.append(
             Region(
-                centre, diameter, covariance, float(np.hypot(*away.T).min()), float(height.flat[at].max()),
+                centre, diameter, covariance, float(np.hypot(*away.T).min()),
+                0.0, float(height.flat[at].max()),
                 len(at), bool(cut),
             )
         )  # fmt: skip

@@ -19,6 +19,7 @@ class Region:
         diameter: m, of the smallest circle around the footprint.
         covariance: (2, 2), m^2, of the centre.
         nearest: m, from the point below the camera to what is nearest of it.
+        outermost: m, from there to the floor behind it that is seen last, past its top; 0: not known.
         height: m above the floor; 0: not known.
         count: pixels.
         cut: the picture's border or the robot's own body hides part of it, so that the circle may be too small.
@@ -28,6 +29,7 @@ class Region:
     diameter: float
     covariance: Array
     nearest: float
+    outermost: float
     height: float
     count: int
     cut: bool
