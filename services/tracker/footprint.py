@@ -29,6 +29,8 @@ HEIGHT, HEIGHT_DEVIATION = 0.18, 0.08
 """m, of things, as they are expected"""
 _OUTER = 0.35
 """Share of half a thing's width over which its ends are looked at."""
+_WIDE = 10 * BIN
+"""rad, half of what a thing takes for the slope at its ends to be told from what comes after."""
 _ARC = 0.008
 """m, root mean square by which a near contour may be off an arc, beside the pixels' own."""
 _FLAT = 0.12
@@ -43,18 +45,18 @@ def footprint(view: FloorView, contour: Contour) -> Region:
     disc, off, straight = _as_disc(contour)
     height = 0.0
     if not contour.topless:
-        height = view.camera_height * (1.0 - 1.0 / _growth(view, contour))
+        height = view.camera_height * (1.0 - 1.0 / _growth(view, contour, off < straight))
     if off < math.hypot(_ARC, pixel / 3.0) and off < straight:
         centre, diameter = disc
         along = math.hypot(0.01, pixel)
     elif contour.topless:
         centre, diameter = _without_top(contour, disc)
-        along = math.hypot(0.05, pixel)
+        along = math.hypot(0.07, pixel)
     else:
         far = np.maximum(contour.far * (1.0 - height / view.camera_height), contour.near)
         centre, diameter = smallest_circle(np.vstack([contour.points(contour.near), contour.points(far)]))
-        along = math.hypot(0.03, 1.5 * pixel)
-    across = math.hypot(0.008, 0.5 * BIN * float(np.hypot(*centre)))
+        along = math.hypot(0.025, 2.0 * pixel)
+    across = math.hypot(0.008, 0.4 * pixel)
     cut = contour.sideways or bool(contour.hidden.mean() > 0.2)
     if cut:
         along, across = along + 0.1, across + 0.1
@@ -109,7 +111,7 @@ def _as_disc(contour: Contour) -> tuple[tuple[Array, float], float, float]:
     return (centre, 2.0 * distance * sine), off, straight
 
 
-def _growth(view: FloorView, contour: Contour) -> float:
+def _growth(view: FloorView, contour: Contour, rounded: bool) -> float:
     """Return 1 / (1 - h / H): how much farther than its far side the floor behind a thing's top is seen.
 
     At an angle t from an end, far / near is that factor times 1 + O(sqrt t) where the end is round, and 1 + O(t) where
@@ -123,11 +125,11 @@ def _growth(view: FloorView, contour: Contour) -> float:
     h = view.camera_height
     share = SHRINK / (h * float(view.camera.matrix[1, 1]))
     deviation = 0.01 + 0.4 * share * np.hypot((near**2 + h**2) / near, (far**2 + h**2) / far)
-    root = np.sqrt(t)
-    terms = np.column_stack([np.ones(len(t)), root * on_left, t * on_left, root * ~on_left, t * ~on_left])
+    rise = np.sqrt(t) if rounded or half < _WIDE else t
+    terms = np.column_stack([np.ones(len(t)), rise * on_left, rise * ~on_left])
     below = max(h - HEIGHT, 0.1)
     expected, known = math.log(h / below), below / HEIGHT_DEVIATION
-    terms = np.vstack([terms / deviation[:, None], [known, 0.0, 0.0, 0.0, 0.0]])
+    terms = np.vstack([terms / deviation[:, None], [known, 0.0, 0.0]])
     solution, _ = nnls(terms, np.append(np.log(far / near) / deviation, expected * known))
     return math.exp(float(solution[0]))
 
