@@ -19,9 +19,9 @@ Picture = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 Histogram = NDArray[np.float32]
 
-LIGHTNESSES, CHROMAS = 32, 40
-"""Bins of L, 8 levels of 256 each, and of a and b, 4 levels each and around no colour; beyond is the last bin."""
-_SPREAD = 1.2
+LIGHTNESSES, CHROMAS = 32, 48
+"""Bins of L, 8 levels of 256 each, and of a and b, 2 levels each and around no colour; beyond is the last bin."""
+_SPREAD = 1.0
 """bins over which a colour seen makes its neighbours likely"""
 
 
@@ -46,7 +46,7 @@ def colours(picture: Picture) -> NDArray[np.int32]:
     h, w = picture.shape[0] // SHRINK, picture.shape[1] // SHRINK
     small = cv2.resize(picture, (w, h), interpolation=cv2.INTER_AREA)
     lab = cv2.cvtColor(small, cv2.COLOR_RGB2LAB).astype(np.int32)
-    chroma = np.clip((lab[..., 1:] - (128 - 2 * CHROMAS)) >> 2, 0, CHROMAS - 1)
+    chroma = np.clip((lab[..., 1:] - (128 - CHROMAS)) >> 1, 0, CHROMAS - 1)
     return np.asarray(((lab[..., 0] >> 3) * CHROMAS + chroma[..., 0]) * CHROMAS + chroma[..., 1])
 
 
@@ -64,9 +64,8 @@ def learn(model: FloorModel, bins: NDArray[np.int32], at: NDArray[np.int64], mem
 
 def floor_colours(model: FloorModel, share: float = 0.985) -> Mask:
     """Return which bins, (L * a * b,), are the floor's: the most frequent ones that make up `share` of it."""
-    smooth = np.einsum("lL,LAB->lAB", _kernel(LIGHTNESSES), model.seen)
-    smooth = _kernel(CHROMAS) @ smooth @ _kernel(CHROMAS)
-    likely = smooth.ravel()
+    smooth = (_kernel(LIGHTNESSES) @ model.seen.reshape(LIGHTNESSES, -1)).reshape(model.seen.shape)
+    likely = (_kernel(CHROMAS) @ smooth @ _kernel(CHROMAS).T).ravel()
     seen = np.flatnonzero(likely > likely.max() * 1e-5)
     order = seen[np.argsort(-likely[seen], kind="stable")]
     mass = np.cumsum(likely[order], dtype=np.float64)
