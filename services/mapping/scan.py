@@ -45,8 +45,7 @@ class Scan:
         return float(np.hypot(*self.ends.T).max(initial=0.0))
 
     def thinned(self, count: int) -> Array:
-        """Return at most so many of the ends at which something is, evenly over the scan, (M, 2)."""
+        """Return about so many of the ends at which something is, evenly over the scan, (M, 2)."""
         ends = self.ends[self.returned]
-        if len(ends) <= count:
-            return np.ascontiguousarray(ends)
-        return np.ascontiguousarray(ends[np.arange(count) * len(ends) // count])
+        every = max(1, len(ends) // count)
+        return np.ascontiguousarray(ends[::every])

@@ -41,3 +41,7 @@ class TrackerConfig(FilterConfig, frozen=True, kw_only=True, forbid_unknown_fiel
     height: Annotated[float, Meta(ge=0, le=5, description="m, of the object below the cube")] = 0.2
     diameter: Annotated[float, Meta(ge=0, le=10, description="m, d_o; 0: measured, which tags cannot")] = 0.0
     largest: Annotated[float, Meta(gt=0, le=10, description="m, what is wider is no object to push")] = 0.8
+    furthest: Annotated[float, Meta(gt=0.3, le=20, description="m from below the camera, where looking ends")] = 3.0
+    base_height: Annotated[
+        float, Meta(ge=0, le=2, description="m, of the robot's own body, which hides what is close to it")
+    ] = 0.25

@@ -83,7 +83,17 @@ def contours(view: FloorView, standing: Mask) -> list[Contour]:
             no_top = len(pieces) > 1 or topless.mean() > 0.2
             share = int(area * len(piece) / len(seen))
             found.append(
-                Contour(bearing, near, far, float(left), float(right), hidden > 0, no_top, bool(sideways.any()), share)
+                Contour(
+                    np.asarray(bearing),
+                    near,
+                    far,
+                    float(left),
+                    float(right),
+                    hidden > 0,
+                    no_top,
+                    bool(sideways.any()),
+                    share,
+                )
             )
     return found
 

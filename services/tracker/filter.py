@@ -36,7 +36,7 @@ class Reading:
     Attributes:
         place: (2,), m, map frame: o. covariance: (2, 2), m^2, map frame.
         yaw: rad, map frame; None where it was not seen. yaw_variance: rad^2.
-        diameter: m, d_o.
+        diameter: m, d_o; 0 where it was not seen.
     """
 
     place: Array
@@ -54,7 +54,7 @@ class Track:
         stamp: ns, of everything else.
         mean: (4,), x, y, m, vx, vy, m/s, map frame; covariance: (4, 4).
         yaw: (2,), rad and rad/s; yaw_covariance: (2, 2); oriented: whether it was ever seen.
-        diameter: m. readings: how many there were.
+        diameter: m. readings: how many there were of it.
         seen: ns, when it was seen last. strange: readings in a row that were beyond the gate.
         strange_yaw: the same of the yaw.
         robot: (2,), m, where the base was at `stamp`. nearest: m, least distance from there to o while it was seen: an
@@ -169,10 +169,11 @@ class Track:
         self.strange_yaw = 0
 
     def _note(self, reading: Reading, stamp: Time, config: FilterConfig) -> None:
-        self.readings += 1
         self.seen = stamp
-        share = max(1.0 / self.readings, config.diameter_share)
-        self.diameter += share * (reading.diameter - self.diameter)
+        if reading.diameter > 0.0:
+            self.readings += 1
+            share = max(1.0 / self.readings, config.diameter_share)
+            self.diameter += share * (reading.diameter - self.diameter)
 
 
 def _noise(dt: float, shove: float) -> Array:

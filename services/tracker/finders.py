@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.tracker.appearance import FloorModel
 from services.tracker.camera import Camera, Mount
 from services.tracker.config import TrackerConfig
+from services.tracker.depth import DepthEye, support, things
+from services.tracker.floor_view import Body, FloorView
+from services.tracker.footprint import placed_by_top
 from services.tracker.layout import cube
+from services.tracker.outline import circle
+from services.tracker.plane import NoPlane
 from services.tracker.pose import Belief, standing
+from services.tracker.region import Region
+from services.tracker.segment import Sought, by_colour, continued, faced
 from services.tracker.sight import placed
 from services.tracker.tags import dictionary, finder
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8] | NDArray[np.uint16]
 
+_SHADOW = 0.3
+"""m around the object where the floor is not learned: its top hides what is behind it"""
+_GATE, _RUN = 0.12, 0.3
+"""m that a thing may be off where the object should be, and m/s that it may be off more while it is not seen"""
+_SHARE = 0.1
+"""of a picture in what is known of the object's height, at least"""
 _LEAST = 0.002
 """m, of the layout and the calibration: tags in full view say less than a millimetre"""
 _LEAST_YAW = 0.01
@@ -50,12 +65,14 @@ class View:
     Attributes:
         hint: None before the object was seen.
         free: (N, 2), m, base frame: places that are floor.
+        robot_diameter: d_r, m.
     """
 
     camera: Camera
     mount: Mount
     hint: Hint | None
     free: Array
+    robot_diameter: float
 
 
 @dataclass(frozen=True)
@@ -77,6 +94,20 @@ class Sighting:
     outlines: list[Array] = field(default_factory=list)
 
 
+@dataclass
+class Memory:
+    """What a finder learns.
+
+    Attributes:
+        floor: how it looks.
+        height: m, of the object, from `heights` pictures; 0: not known.
+    """
+
+    floor: FloorModel = field(default_factory=FloorModel)
+    height: float = 0.0
+    heights: int = 0
+
+
 class TagFinder:
     """Finds an object that bears a cube of tags."""
 
@@ -88,7 +119,7 @@ class TagFinder:
         side = config.cube * modules / (modules + 2)  # a quiet zone of a module on each side
         self._layout = cube(range(config.first_tag, config.first_tag + 5), config.cube, side, config.height)
 
-    def find(self, picture: Picture, view: View) -> Sighting | None:
+    def find(self, picture: Picture, view: View, memory: Memory) -> Sighting | None:  # noqa: ARG002, all finders alike
         """Return the object in a grey picture, (H, W), uint8; None if no tag of it shows where it is."""
         tags = self._finder.find(np.asarray(picture, np.uint8), view.camera)
         found = standing(tags, self._layout, view.camera, view.mount, _belief(view.hint))
@@ -103,6 +134,99 @@ class TagFinder:
         return Sighting(
             found.pose[:2], covariance[:2, :2], float(found.pose[2]), float(covariance[2, 2]), outlines=outlines
         )
+
+
+class AppearanceFinder:
+    """Finds an object without tags, because it looks other than the floor, which it learns where the laser passes."""
+
+    decoding = cv2.IMREAD_COLOR
+
+    def __init__(self, config: TrackerConfig) -> None:
+        self._config = config
+        self._sought = _sought(config)
+        self._view: tuple[Camera, Mount, float, FloorView] | None = None
+
+    def find(self, picture: Picture, view: View, memory: Memory) -> Sighting | None:
+        """Return the object in a picture, (H, W, 3), uint8, BGR; None if nothing is where it can be."""
+        floor = self._floor(view)
+        rgb = np.ascontiguousarray(np.asarray(picture, np.uint8)[..., ::-1])
+        free = view.free
+        if view.hint is not None:
+            # Behind the object the laser passes over nothing of the floor that the camera sees.
+            free = free[np.hypot(*(free - view.hint.place).T) > 0.5 * view.hint.diameter + _SHADOW]
+        regions = by_colour(floor, memory.floor, rgb, free)
+        region = _chosen(regions, self._sought, view.hint)
+        if region is None:
+            return None
+        hint = view.hint
+        if hint is not None and region.cut and memory.height > 0.0:
+            region = placed_by_top(floor, region, memory.height, hint.diameter)
+        elif region.height > 0.0 and not region.cut:
+            share = max(_SHARE, 1.0 / (memory.heights + 1))
+            memory.height += share * (region.height - memory.height)
+            memory.heights += 1
+        return _sighting(region, view)
+
+    def _floor(self, view: View) -> FloorView:
+        """Return what the pixels see of the floor; made anew only when the camera or its mount is another."""
+        known = self._view
+        if (
+            known is None
+            or known[0] is not view.camera
+            or known[1] is not view.mount
+            or known[2] != view.robot_diameter
+        ):
+            body = Body(0.5 * view.robot_diameter, self._config.base_height)
+            made = FloorView.of(view.camera, view.mount, body, self._config.furthest)
+            known = self._view = (view.camera, view.mount, view.robot_diameter, made)
+        return known[3]
+
+
+class DepthFinder:
+    """Finds an object without tags in a picture of depths."""
+
+    decoding = cv2.IMREAD_UNCHANGED
+
+    def __init__(self, config: TrackerConfig) -> None:
+        self._sought = _sought(config)
+        self._eye: tuple[Camera, DepthEye] | None = None
+
+    def find(self, picture: Picture, view: View, memory: Memory) -> Sighting | None:  # noqa: ARG002, all finders alike
+        """Return the object in a picture of millimetres, (H, W), uint16; None if nothing is where it can be."""
+        if self._eye is None or self._eye[0] is not view.camera:
+            self._eye = (view.camera, DepthEye.of(view.camera))
+        depth = np.asarray(picture, np.float64) / 1000.0
+        try:
+            plane = support(self._eye[1], depth, view.mount)
+        except NoPlane:
+            return None
+        region = _chosen(things(self._eye[1], depth, plane), self._sought, view.hint)
+        return None if region is None else _sighting(region, view)
+
+
+def finder_of(config: TrackerConfig) -> TagFinder | AppearanceFinder | DepthFinder:
+    """Return the finder that `config` asks for."""
+    if config.finds == "tags":
+        return TagFinder(config)
+    return DepthFinder(config) if config.finds == "depth" else AppearanceFinder(config)
+
+
+def _sought(config: TrackerConfig) -> Sought:
+    return Sought(largest=config.largest)
+
+
+def _chosen(regions: list[Region], sought: Sought, hint: Hint | None) -> Region | None:
+    """Return the object among the things of a picture."""
+    if hint is None:
+        return faced(regions, sought)
+    spread = 3.0 * math.sqrt(float(np.linalg.eigvalsh(hint.covariance)[-1]))
+    return continued(regions, sought, hint.place, _GATE + spread + _RUN * hint.age)
+
+
+def _sighting(region: Region, view: View) -> Sighting:
+    outline = circle(region.centre, region.diameter, view.camera, view.mount)
+    diameter = 0.0 if region.cut else region.diameter
+    return Sighting(region.centre, region.covariance, diameter=diameter, outlines=[outline])
 
 
 def _belief(hint: Hint | None) -> Belief | None:

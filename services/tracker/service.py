@@ -26,7 +26,7 @@ from services.geometry.pose import History
 from services.tracker.camera import BadCalibration, Camera, Mount
 from services.tracker.config import TrackerConfig
 from services.tracker.filter import Reading, Track
-from services.tracker.finders import Hint, Sighting, TagFinder, View
+from services.tracker.finders import Hint, Memory, Sighting, View, finder_of
 from services.tracker.outline import lines
 
 Array = NDArray[np.float64]
@@ -48,6 +48,7 @@ class TrackerState:
         robots: where the robot was lately, map frame.
         track: of the object; None before it was seen.
         looked: ns, when a picture came last; stamp: of which time it was; 0 before.
+        memory: what is learned for finding it.
         unreadable: pictures that were none.
     """
 
@@ -55,6 +56,7 @@ class TrackerState:
     track: Track | None = None
     looked: Time = 0
     stamp: Time = 0
+    memory: Memory = field(default_factory=Memory)
     unreadable: int = 0
 
 
@@ -81,7 +83,7 @@ class TrackerService(Service):
     def __init__(self, config: TrackerConfig) -> None:
         super().__init__(config)
         self.state = TrackerState()
-        self._finder = TagFinder(config)
+        self._finder = finder_of(config)
         self._camera: Camera | None = None
         self._mount: Mount | None = None
 
@@ -153,8 +155,9 @@ class TrackerService(Service):
         pose = state.robots.at(stamp)
         if state.track is not None:
             self._predict(state.track, stamp)
-        view = View(camera, mount, self._hint(pose), self._free())
-        seen = self._finder.find(picture, view)
+        diameter = 0.0 if self.status is None else self.status.diameter
+        free = self._free() if self.config.finds == "appearance" else np.empty((0, 2))
+        seen = self._finder.find(picture, View(camera, mount, self._hint(pose), free, diameter), state.memory)
         if seen is not None:
             self._take(seen, pose, stamp)
             yield self.annotations(lines(seen.outlines, image.timestamp))
