@@ -73,8 +73,9 @@ def _smallest(points: Array) -> Array:
         count = int(circle[3])
         few[:count] = support[:count]
         few[count] = points[farthest]
-        # Rounding could go in rounds with the same few points for ever; the radius has to grow.
-        if not _around_few(few, count + 1, trial, support) > circle[2]:
+        # Rounding could go in rounds with the same few points for ever, or leave no circle: the radius has to grow.
+        radius = _around_few(few, count + 1, trial, support)
+        if not circle[2] < radius < np.inf:
             circle[2] = most
             return circle
         circle[:] = trial

@@ -77,23 +77,13 @@ def contours(view: FloorView, standing: Mask) -> list[Contour]:
         pieces = _apart(seen, outline[k, seen, 0], view)
         for piece in pieces:
             near, far, hidden, topless, sideways = outline[k, piece].T
-            bearing = -np.pi + (piece + 0.5) * BIN
+            bearing = np.asarray(-np.pi + (piece + 0.5) * BIN, np.float64)
             right = ends[k, 0] if piece[0] == seen[0] else bearing[0] - BIN / 2
             left = ends[k, 1] if piece[-1] == seen[-1] else bearing[-1] + BIN / 2
             no_top = len(pieces) > 1 or topless.mean() > 0.2
             share = int(area * len(piece) / len(seen))
             found.append(
-                Contour(
-                    np.asarray(bearing),
-                    near,
-                    far,
-                    float(left),
-                    float(right),
-                    hidden > 0,
-                    no_top,
-                    bool(sideways.any()),
-                    share,
-                )
+                Contour(bearing, near, far, float(left), float(right), hidden > 0, no_top, bool(sideways.any()), share)
             )
     return found
 

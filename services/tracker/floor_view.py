@@ -35,8 +35,7 @@ class FloorView:
 
     Attributes:
         below: (2,), m, base frame, the point below the camera; camera_height: m.
-        distance, bearing: (h, w), m and rad, of the floor at each pixel, from that point, base frame; 0 where not
-            looked.
+        distance, bearing: (h, w), m and rad, of the floor at each pixel, from that point, base frame; 0: not looked at.
         step, turn: (h, w), m and rad that a pixel covers along distance and bearing.
         looked: (h, w), whether the pixel shows floor that is near enough and not hidden by the body.
         hidden: (h, w), those of them beside the body or at the picture's bottom: what is nearer is not seen.

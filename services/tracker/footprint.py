@@ -7,6 +7,11 @@ that factor only, and so it is known, and with it the far side.
 
 A disc needs no top: at the distance D its bearings reach to +-beta with sin beta = R / D, and D - R is nearest.
 Shadows and other things behind change the far contour, so a thing whose near contour is an arc is taken for a disc.
+
+Measured on 150 pictures of discs and boxes of 0.14 to 0.6 m (camera 0.9 m up, 45 degrees down, 640 x 480, noise of 3
+grey levels), root mean square along the view, with the bias, at 0.6-1.2, 1.2-1.8 and 1.8-2.4 m: discs 3, 4, 6 mm (-2,
+-2, -4); boxes at any angle 32, 16, 42 mm (-11, -1, +10); square boxes face on, whose ends tell least of the height, 14,
+39, 77 mm (+1, -32, -72). Across it was below 8 mm, the diameter up to 37, 56 and 110 mm.
 """
 
 from __future__ import annotations
@@ -53,8 +58,9 @@ def footprint(view: FloorView, contour: Contour) -> Region:
         centre, diameter = _without_top(contour, disc)
         along = math.hypot(0.07, pixel)
     else:
-        far = np.maximum(contour.far * (1.0 - height / view.camera_height), contour.near)
-        centre, diameter = smallest_circle(np.vstack([contour.points(contour.near), contour.points(far)]))
+        near = _without_spikes(contour.near, pixel)
+        far = np.maximum(contour.far * (1.0 - height / view.camera_height), near)
+        centre, diameter = smallest_circle(np.vstack([contour.points(near), contour.points(far)]))
         along = math.hypot(0.025, 2.0 * pixel)
     across = math.hypot(0.008, 0.4 * pixel)
     cut = contour.sideways or bool(contour.hidden.mean() > 0.2)
@@ -87,6 +93,20 @@ def _pixel(view: FloorView, distance: float) -> float:
     """Return what a pixel covers of the floor, along the distance, m."""
     h = view.camera_height
     return SHRINK * (distance**2 + h**2) / (h * float(view.camera.matrix[1, 1]))
+
+
+def _without_spikes(near: Array, pixel: float) -> Array:
+    """Return a near contour, (N,), m, whose two outermost bins at each end go on as those beside them.
+
+    There may be a few pixels of the top only, which seem to stand where the floor behind the thing is.
+    """
+    near = near.copy()
+    if len(near) >= 8:
+        for ordered in (near, near[::-1]):
+            slope = max(float(ordered[2] - ordered[4]) / 2.0, 0.0)
+            ordered[1] = min(ordered[1], ordered[2] + slope + 2.0 * pixel)
+            ordered[0] = min(ordered[0], ordered[1] + slope + 2.0 * pixel)
+    return near
 
 
 def _as_disc(contour: Contour) -> tuple[tuple[Array, float], float, float]:

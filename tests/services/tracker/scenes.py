@@ -106,10 +106,10 @@ def picture(eye: Camera, on: Mount, things: list[Thing], seed: int = 0, floor: n
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def free_floor(things: list[Thing], seed: int = 0, count: int = 2000) -> np.ndarray:
-    """Return points, (N, 2), m, base frame, between the robot and what a laser at its front meets, 0.3 to 3 m away."""
+def free_floor(things: list[Thing], seed: int = 0, reach: float = 3.0, count: int = 2000) -> np.ndarray:
+    """Return points, (N, 2), m, base frame, between the robot and what a laser meets, 0.3 m to `reach` away."""
     rng = np.random.default_rng(seed)
-    angle, range_ = rng.uniform(-0.9, 0.9, count), np.full(count, 3.0)
+    angle, range_ = rng.uniform(-0.9, 0.9, count), np.full(count, reach)
     for thing in things:
         off = math.hypot(thing.x, thing.y)
         wide = math.asin(min(0.99, thing.diameter / 2 / off)) + 0.03
