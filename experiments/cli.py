@@ -171,3 +171,30 @@ def deliveries(
     )
     for line in Batch(done).text():
         typer.echo(line)
+
+
+@experiment.command()
+def tracking(
+    runs: Annotated[int, typer.Option(min=1, help="Pushes in each way of seeing, from 0.5 to 2.5 m on.")] = 20,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first run.")] = 1,
+    senses: Annotated[
+        str, typer.Option(metavar="A,B", help="Only these: truth, tags, appearance, depth.", show_default="not truth")
+    ] = "tags,appearance,depth",
+    config: ConfigFile = None,
+    assignments: Assignments = None,
+) -> None:
+    """Print how far off the truth mapping and tracker say that robot and object are, and how often it is lost."""
+    from rich.console import Console
+    from rich.progress import track
+
+    from experiments import tracking as measured
+    from experiments.beyond.cases import sensing
+
+    wanted = [case.name for case in sensing(senses.split(","))]
+    found: dict[str, list[measured.Watched]] = {name: [] for name in wanted}
+    done = measured.carried_out(wanted, runs, seed, jobs, layers(config, assignments))
+    console = Console(stderr=True)
+    for sense, watched in track(done, total=runs * len(wanted), description="pushing", console=console):
+        found[sense].append(watched)
+    typer.echo(measured.table(found).markdown())

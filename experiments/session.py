@@ -66,6 +66,9 @@ class SimConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         Literal["scene", "behind", "beside", "front"],
         Meta(description="where the base starts, seen along the first push; scene: where the scene puts it"),
     ] = "scene"
+    distance: Annotated[
+        float, Meta(ge=0, le=20, description="m from the base to the object at the start; 0: as `start` says")
+    ] = 0.0
     width: Annotated[
         float,
         Meta(gt=0.3, le=4, description="times the pushing corridor's half width; 1 except in corridor-1 to corridor-3"),
@@ -215,6 +218,7 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
     body = variants.altered(body, sim.object_diameter, sim.object_mass, sim.object_friction)
     room = variants.widened(room, sim.width, BaseModel().diameter)
     room = variants.started(room, sim.start, BaseModel().diameter, body.diameter, sim.seed)
+    room = variants.distanced(room, sim.distance, BaseModel().diameter, sim.seed)
     room = scene.jittered(room, generator)
     if sim.changing:
         if sim.goal is not None:

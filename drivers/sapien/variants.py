@@ -7,6 +7,7 @@ from math import atan2, cos, hypot, pi, radians, sin, tan
 import msgspec
 import numpy as np
 
+from drivers.sapien.angles import wrap
 from drivers.sapien.objects import ObjectBody
 from drivers.sapien.scene import Bounds, BoxObstacle, Place, Scene
 from drivers.sapien.shapes import Box, Disc, Shape
@@ -18,6 +19,8 @@ STARTS = ("scene", "behind", "beside", "front")
 START_GAP = 0.12
 """m between base and object for every start but the scene's own; more than the default jitter can close."""
 
+_BEARINGS = 200
+"""that are tried"""
 _TURNS = {"behind": (0.0,), "beside": (pi / 2, -pi / 2), "front": (pi,)}
 
 
@@ -112,6 +115,33 @@ def started(scene: Scene, start: str, robot_diameter: float, object_diameter: fl
             return msgspec.structs.replace(scene, robot=Place(x=x, y=y, yaw=robot.yaw + turn))
     raise NoRoomToStart(
         f"sim.start is '{start}', but in scene '{scene.name}' a base of {robot_diameter:g} m does not fit there"
+    )
+
+
+def distanced(scene: Scene, distance: float, robot_diameter: float, seed: int) -> Scene:
+    """Return `scene` with the base `distance` m from the object, facing it, with nothing between; 0: as it is.
+
+    Args:
+        seed: draws the bearing, of those at which the base has room and sees the object.
+
+    Raises:
+        NoRoomToStart: there is none.
+    """
+    if distance == 0.0:
+        return scene
+    thing = scene.object
+    for bearing in np.random.default_rng(seed).uniform(-pi, pi, _BEARINGS):
+        c, s = cos(bearing), sin(bearing)
+        way = np.linspace(0.0, distance, max(2, int(distance / 0.05)))
+        clear = min(
+            _distance(shape, thing.x + c * part, thing.y + s * part) for shape in scene.obstacles() for part in way
+        )
+        x, y = thing.x + distance * c, thing.y + distance * s
+        if _inside(scene.bounds, x, y) and clear > robot_diameter / 2 + scene.jitter.robot_position:
+            return msgspec.structs.replace(scene, robot=Place(x=x, y=y, yaw=wrap(float(bearing) + pi)))
+    raise NoRoomToStart(
+        f"sim.distance is {distance:g} m, but in scene '{scene.name}' no base of {robot_diameter:g} m sees the object "
+        "from there"
     )
 
 
