@@ -1,0 +1,289 @@
+"""The tracker's service: what it says of an object in pictures whose truth is known, and when there are none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+import pytest
+from google.protobuf.message import Message
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from runtime.messages import (
+    CameraCalibration,
+    CompressedImage,
+    FrameTransform,
+    ImageAnnotations,
+    LaserScan,
+    Log,
+    ObjectState,
+    Pose2,
+    RobotPose,
+    RobotStatus,
+    Visibility,
+)
+from runtime.service import Publication
+from runtime.time import SECOND, Time
+from services.tracker.config import TrackerConfig
+from services.tracker.service import TrackerService
+from tests.services.tracker.pictures import picture as marker
+from tests.services.tracker.scenes import Thing, camera, cast, mount, picture
+
+EYE, ON = camera(), mount()
+ROBOT = (1.0, 2.0, 0.5)
+STEP = SECOND // 10
+AHEAD = Thing(0.9, 0.1, 0.3, height=0.2)
+
+
+@dataclass
+class Fed:
+    """A tracker on a robot that stands still."""
+
+    service: TrackerService
+    now: Time = 0
+    states: list[ObjectState] = field(default_factory=list)
+    outlines: list[ImageAnnotations] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
+
+    def take(self, effects: object) -> None:
+        """Keep what was published."""
+        for one in effects or ():  # type: ignore[attr-defined]
+            assert isinstance(one, Publication)
+            if isinstance(one.message, ObjectState):
+                self.states.append(one.message)
+            elif isinstance(one.message, ImageAnnotations):
+                self.outlines.append(one.message)
+            elif isinstance(one.message, Log):
+                self.said.append(one.message.message)
+
+    def give(self, topic: str, message: Message) -> None:
+        """Give the service a message."""
+        self.service.latest[topic] = message
+        handler = self.service.contract.handlers.get(topic)
+        if handler is not None:
+            self.take(getattr(self.service, handler)(message, self.now))
+
+    def look(self, image: np.ndarray | None, things: list[Thing], robot: tuple[float, float, float] = ROBOT) -> None:
+        """Let 0.1 s pass, then come pose, scan and picture of now; None: no picture."""
+        self.now += STEP
+        x, y, theta = robot
+        covariance = [1e-4, 0, 0, 0, 1e-4, 0, 0, 0, 1e-4]
+        self.give("robot/pose", RobotPose(stamp=self.now, pose=Pose2(x=x, y=y, theta=theta), covariance=covariance))
+        self.give("scan", scan(things, self.now))
+        if image is not None:
+            ok, data = cv2.imencode(".jpg" if image.dtype == np.uint8 else ".png", image)
+            assert ok
+            topic = "image" if image.dtype == np.uint8 else "depth"
+            self.give(topic, CompressedImage(timestamp=stamp(self.now), data=data.tobytes(), format="jpeg"))
+        self.take(self.service.go_on(self.now))
+
+
+def stamp(time: Time) -> Timestamp:
+    return Timestamp(seconds=time // SECOND, nanos=time % SECOND)
+
+
+def scan(things: list[Thing], now: Time) -> LaserScan:
+    """Return a scan in which round things stand in the way of the beams, (121,), 1 degree apart."""
+    bearing = np.radians(np.arange(-60, 61))
+    ranges = np.full(121, 4.0)
+    for thing in things:
+        off, at = math.hypot(thing.x, thing.y), math.atan2(thing.y, thing.x)
+        wide = math.asin(thing.diameter / 2 / off)
+        ranges[np.abs(bearing - at) < wide] = off - thing.diameter / 2
+    found = LaserScan(timestamp=stamp(now), start_angle=bearing[0], end_angle=bearing[-1], ranges=ranges.tolist())
+    found.pose.orientation.w = 1.0
+    return found
+
+
+def calibration() -> CameraCalibration:
+    k = EYE.matrix.ravel().tolist()
+    return CameraCalibration(width=640, height=480, distortion_model="plumb_bob", K=k, D=[0.0] * 5)
+
+
+def transform() -> FrameTransform:
+    """Return the mount of `scenes`: 45 degrees down, 0.9 m high."""
+    found = FrameTransform()
+    found.translation.x, found.translation.z = 0.1, 0.9
+    # Of the matrix in `scenes.mount`, by its axis and angle.
+    turn = cv2.Rodrigues(ON.rotation)[0].ravel()
+    angle = float(np.linalg.norm(turn))
+    q = np.sin(angle / 2) * turn / angle
+    found.rotation.x, found.rotation.y, found.rotation.z, found.rotation.w = *q, math.cos(angle / 2)
+    return found
+
+
+def tracker(**values: object) -> Fed:
+    found = Fed(TrackerService(TrackerConfig(**values)))  # type: ignore[arg-type]
+    found.give("status", RobotStatus(diameter=0.45))
+    found.give("calibration", calibration())
+    found.give("camera/mount", transform())
+    return found
+
+
+def on_map(x: float, y: float, robot: tuple[float, float, float] = ROBOT) -> tuple[float, float]:
+    c, s = math.cos(robot[2]), math.sin(robot[2])
+    return robot[0] + c * x - s * y, robot[1] + s * x + c * y
+
+
+def shown(things: list[Thing], seed: int = 0) -> np.ndarray:
+    """Return a picture as a JPEG has it, blue first."""
+    return np.ascontiguousarray(picture(EYE, ON, things, seed)[..., ::-1])
+
+
+def deep(things: list[Thing]) -> np.ndarray:
+    return np.rint(1000.0 * cast(EYE, ON, things)[0]).astype(np.uint16)
+
+
+def test_an_object_that_looks_other_than_the_floor_is_where_it_stands() -> None:
+    found = tracker(finds="appearance")
+    for seed in range(5):
+        found.look(shown([AHEAD], seed), [AHEAD])
+    last, true = found.states[-1], on_map(AHEAD.x, AHEAD.y)
+    assert math.dist((last.position.x, last.position.y), true) < 0.03
+    assert last.diameter == pytest.approx(0.3, abs=0.03)
+    assert last.visibility == Visibility.VISIBLE and not last.HasField("yaw")
+    assert last.stamp == found.now
+    assert found.outlines[-1].points, "nothing is drawn around it"
+
+
+def test_an_object_in_a_picture_of_depths_is_where_it_stands() -> None:
+    box = Thing(1.1, -0.2, 0.3, 0.2, 0.4)
+    found = tracker(finds="depth")
+    for _ in range(3):
+        found.look(deep([box]), [box])
+    last = found.states[-1]
+    assert math.dist((last.position.x, last.position.y), on_map(1.1, -0.2)) < 0.01
+    assert last.diameter == pytest.approx(math.hypot(0.3, 0.2), abs=0.015)
+
+
+def test_a_tag_gives_place_and_yaw() -> None:
+    """One marker, drawn exactly, on top of a cube at 1 m."""
+    yaw, height = 0.7, 0.2
+    found = tracker(finds="tags", height=height, diameter=0.3)
+    top = np.array([1.0, 0.0, height + 0.14])
+    c, s = math.cos(yaw), math.sin(yaw)
+    # The tag's right is the object's -y, its upper side x.
+    rotation = np.column_stack([(s, -c, 0.0), (c, s, 0.0), (0.0, 0.0, 1.0)])
+    grey = marker(EYE, ON.rotation.T @ rotation, ON.to_camera(top[None])[0], 0.105, id=0)
+    for _ in range(5):
+        found.look(grey, [])
+    last = found.states[-1]
+    assert math.dist((last.position.x, last.position.y), on_map(1.0, 0.0)) < 0.004
+    assert math.remainder(last.yaw - yaw - ROBOT[2], math.tau) == pytest.approx(0.0, abs=0.02)
+    assert last.diameter == 0.3
+    (line,) = found.outlines[-1].points
+    corners = np.array([(p.x, p.y) for p in line.points])
+    dark = grey[int(corners[:, 1].mean()) - 40 : int(corners[:, 1].mean()) + 40].min()
+    assert len(corners) == 4 and dark < 60
+    expected = EYE.project(ON.to_camera(top[None]))[0]
+    assert corners.mean(axis=0) == pytest.approx(expected, abs=2.0)
+
+
+def test_nothing_is_said_before_the_object_was_seen() -> None:
+    found = tracker(finds="appearance")
+    for seed in range(3):
+        found.look(shown([], seed), [])
+    assert not found.states
+
+
+def test_out_of_sight_it_is_predicted_then_lost_and_found_again() -> None:
+    found = tracker(finds="appearance")
+    for seed in range(5):
+        found.look(shown([AHEAD], seed), [AHEAD])
+    before = found.states[-1]
+    count = len(found.states)
+    for seed in range(15):
+        found.look(shown([], seed), [])
+    kinds = [one.visibility for one in found.states[count:]]
+    assert kinds == sorted(kinds) and set(kinds) == {Visibility.VISIBLE, Visibility.PREDICTED, Visibility.LOST}
+    last = found.states[-1]
+    assert math.dist((last.position.x, last.position.y), (before.position.x, before.position.y)) < 0.02
+    assert last.covariance[0] > before.covariance[0]
+    found.look(shown([AHEAD], 9), [AHEAD])
+    assert found.states[-1].visibility == Visibility.VISIBLE
+
+
+def test_without_pictures_it_goes_on_by_its_timer() -> None:
+    found = tracker(finds="appearance")
+    for seed in range(3):
+        found.look(shown([AHEAD], seed), [AHEAD])
+    count = len(found.states)
+    for _ in range(15):
+        found.look(None, [AHEAD])
+    later = found.states[count:]
+    assert [one.stamp for one in later] == [(3 + k) * STEP for k in range(4, 16)]
+    assert later[-1].visibility == Visibility.LOST
+
+
+def test_the_object_stays_where_it_is_while_the_robot_moves() -> None:
+    found = tracker(finds="depth")
+    true = on_map(AHEAD.x, AHEAD.y)
+    for k in range(8):
+        robot = (ROBOT[0] + 0.02 * k, ROBOT[1] - 0.01 * k, ROBOT[2] + 0.03 * k)
+        dx, dy = true[0] - robot[0], true[1] - robot[1]
+        c, s = math.cos(robot[2]), math.sin(robot[2])
+        there = Thing(c * dx + s * dy, -s * dx + c * dy, 0.3, height=0.2)
+        found.look(deep([there]), [there], robot)
+    for one in found.states:
+        assert math.dist((one.position.x, one.position.y), true) < 0.012
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "unreadable"),
+        (b"\xff\xd8 no picture", "unreadable"),
+        (cv2.imencode(".jpg", np.zeros((60, 80)))[1], "80 x 60"),
+    ],
+)
+def test_what_is_no_picture_is_named_and_changes_nothing(data: bytes, words: str) -> None:
+    found = tracker(finds="appearance")
+    for seed in range(3):
+        found.look(shown([AHEAD], seed), [AHEAD])
+    count = len(found.states)
+    found.now += STEP
+    found.give("image", CompressedImage(timestamp=stamp(found.now), data=bytes(data), format="jpeg"))
+    assert len(found.states) == count
+    assert words in found.said[-1] and "640 x 480" in found.said[-1]
+    assert found.service.state.unreadable == 1
+
+
+def test_a_calibration_that_cannot_be_is_refused() -> None:
+    found = Fed(TrackerService(TrackerConfig()))
+    found.give("calibration", CameraCalibration(width=640, height=480, K=[0.0] * 9))
+    found.give("camera/mount", FrameTransform())
+    assert "K is" in found.said[0] and "no length" in found.said[1]
+    found.look(shown([AHEAD]), [AHEAD])
+    assert not found.states
+
+
+@pytest.mark.parametrize("finds", ["appearance", "depth"])
+def test_a_restored_tracker_goes_on_alike_to_the_byte(finds: str) -> None:
+    draw = shown if finds == "appearance" else lambda things, _: deep(things)  # type: ignore[misc, return-value]
+    first = tracker(finds=finds)
+    for seed in range(4):
+        first.look(draw([AHEAD], seed), [AHEAD])
+    second = tracker(finds=finds)
+    second.service.restore(first.service.snapshot(), dict(first.service.latest))
+    second.now = first.now
+    count = len(first.states)
+    for seed in range(4, 8):
+        for each in (first, second):
+            each.look(draw([AHEAD], seed), [AHEAD])
+    assert [one.SerializeToString() for one in first.states[count:]] == [
+        one.SerializeToString() for one in second.states
+    ]
+    assert len(second.states) == 4
+    assert first.service.snapshot() == second.service.snapshot()
+
+
+def test_a_late_picture_is_left_out() -> None:
+    found = tracker(finds="depth")
+    for _ in range(3):
+        found.look(deep([AHEAD]), [AHEAD])
+    count = len(found.states)
+    _, data = cv2.imencode(".png", deep([AHEAD]))
+    found.give("depth", CompressedImage(timestamp=stamp(found.now - STEP), data=data.tobytes(), format="png"))
+    assert len(found.states) == count
