@@ -2,7 +2,8 @@
 
 Each particle carries a pose and its own map. A scan is matched with the particle's map; around the match, scan and
 odometry together make a Gaussian, from which the new pose is drawn and by whose mass the particle is weighted
-(the improved proposal, Sec. III.A). Particles are drawn anew only when their weights have become uneven (Sec. III.B).
+(the improved proposal, Sec. III.A). Their Gaussian is found from samples; ours is that of the last step of a match of
+points to surfaces, which is finer. Particles are drawn anew only when their weights have become uneven (Sec. III.B).
 All in m and rad, map frame.
 """
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from services.geometry.angles import wrap
 from services.geometry.pose import between, compose
 from services.mapping.grid import Maps
-from services.mapping.matching import belief, climb, likelihood_field, search
+from services.mapping.matching import belief, climb, likelihood_field, search, settle
 from services.mapping.scan import Scan
 
 Array = NDArray[np.float64]
@@ -34,11 +35,9 @@ _WORTH = 60.0
 """independent beams that a scan is worth in the match: with fewer, poses that hardly fit are drawn"""
 _FEW, _BEAMS = 90, 180
 """beams that are looked at in the search and in the match"""
-_DRAWN = 24
-"""poses that the Gaussian is found from"""
-_SPREAD = (0.006, 0.006, 0.0012)
-"""m, m, rad: their deviations"""
-_LEAST = (0.002, 0.002, 0.0005)
+_NOISE, _ROUNDS, _ASIDE = 0.015, 6, 0.06
+"""m, deviation of beams' ends from surfaces; steps of the last match at most; m that it may go"""
+_LEAST = (0.001, 0.001, 0.0003)
 """m, m, rad: least deviations of the Gaussian"""
 
 
@@ -119,20 +118,17 @@ class Particles:
         around = (expected, _turned(information, expected[2]))
         seen = (self.maps.cells, self.maps.index[k], *self.maps.corner)
         pose, ends = compose(self.poses[k], corrected), scan.thinned(_BEAMS)
-        climb(*seen, pose, ends, scan.start, _FINE, _WORTH, *around, _STEP, _TURN, 4)
-        drawn = pose + self.generator.standard_normal((_DRAWN, 3)) * _SPREAD
-        drawn[0] = pose
-        logs = np.array([belief(*seen, one, ends, scan.start, _FINE, _WORTH, *around) for one in drawn])
-        # Drawn from a Gaussian around the match: each counts by what it is over how likely it was drawn.
-        odds = logs + 0.5 * (((drawn - pose) / _SPREAD) ** 2).sum(axis=1)
-        odds[0] = logs[0]
-        shares = np.exp(odds - odds.max())
-        mean = shares @ drawn / shares.sum()
-        off = drawn - mean
-        covariance = (shares[:, None] * off).T @ off / shares.sum() + np.diag(np.square(_LEAST))
-        self.poses[k] = self.generator.multivariate_normal(mean, covariance, method="cholesky")
+        climb(*seen, pose, ends, scan.start, _FINE, _WORTH, *around, _STEP, _TURN, 2)
+        climbed = pose.copy()
+        whole = settle(*seen, pose, ends, scan.start, _NOISE, _WORTH, *around, _ROUNDS)
+        if not np.isfinite(pose).all() or math.hypot(*(pose - climbed)[:2]) > _ASIDE:
+            pose = climbed  # what settled elsewhere found another surface
+        covariance = np.linalg.inv(whole) + np.diag(np.square(_LEAST))
+        self.poses[k] = self.generator.multivariate_normal(pose, covariance, method="cholesky")
         self.poses[k, 2] = wrap(float(self.poses[k, 2]))
-        self.log_weights[k] += odds.max() + math.log(shares.mean())
+        # The mass under the Gaussian around the match, by Laplace.
+        mass = belief(*seen, pose, ends, scan.start, _FINE, _WORTH, *around)
+        self.log_weights[k] += mass + 0.5 * math.log(float(np.linalg.det(covariance)))
 
     def draw(self, scan: Scan, cap: float) -> None:
         """Draw a scan on every particle's map."""

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 _REMEMBERED = 2.0
 """s of odometry"""
-_LEAST = np.diag([0.018**2, 0.018**2, 0.01**2])
+_LEAST = np.diag([0.01**2, 0.01**2, 0.005**2])
 """m^2 and rad^2: that of a map that is made while it is used. Particles that agree know nothing of the errors that all
 of them share; this is what is left on rounds through rooms (docs/mapping.md)."""
 

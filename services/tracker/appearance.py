@@ -3,8 +3,9 @@
 The model is a histogram of colours in CIE Lab that forgets. A floor may have many colours: boards, patterns, shadows,
 a sheen. A colour belongs to the floor if it is among the most frequent that together make up nearly all of what was
 seen of it. What else is among the pixels taken for known floor is learned as well: where 1 % of them lay on a thing of
-one colour, its side went for floor. And a thing as grey as the floor is not seen: of those of random colours on boards
-and on a grey carpet, in shaded renderings, 41 of 48 were found within 8 cm.
+one colour, its side went for floor. And of a thing as grey as the floor little is seen, or the wrong part: of things of
+random colours on boards and on a grey carpet, in renderings with shadows, 58 of 60 were found within 8 cm, one 0.57 m
+off.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from services.geometry.pose import between, compose
 from services.mapping.filter import Noise, Particles
 from services.mapping.grid import Maps
-from services.mapping.matching import agreement, climb, likelihood_field, prior, search
+from services.mapping.matching import agreement, climb, likelihood_field, prior, search, settle
 from tests.services.mapping.rooms import ROUND, scan_at
 
 POSES = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-3.1, 3.1))
@@ -24,16 +24,17 @@ def test_steps_lead_back(first: tuple[float, float, float], second: tuple[float,
     assert compose(a, between(a, b)) == pytest.approx(b, abs=1e-9)
 
 
-def mapped(noise: float = 0.01) -> Maps:
-    """Return a map of the room from three places."""
+def mapped(noise: float = 0.01, turns: int = 1) -> Maps:
+    """Return a map of the room from three places, so often at each."""
     maps, generator = Maps.of(1), np.random.Generator(np.random.PCG64(4))
-    for pose in (np.array([1.0, 1.0, 0.3]), np.array([4.0, 1.0, 2.0]), np.array([5.0, 3.2, -1.0])):
+    for pose in (np.array([1.0, 1.0, 0.3]), np.array([4.0, 1.0, 2.0]), np.array([5.0, 3.2, -1.0])) * turns:
         scan = scan_at(pose, noise, generator)
         maps.draw(0, pose, scan.ends, scan.returned, scan.start, 1e6)
     return maps
 
 
 MAP = mapped()
+FINE = mapped(turns=20)
 
 
 @settings(max_examples=40)
@@ -53,6 +54,43 @@ def test_search_and_climb_find_the_pose(dx: float, dy: float, turn: float) -> No
     )  # fmt: skip
     assert math.hypot(*(found[:2] - pose[:2])) < 0.02
     assert abs(found[2] - pose[2]) < 0.015
+
+
+@settings(max_examples=40)
+@given(st.floats(-0.04, 0.04), st.floats(-0.04, 0.04), st.floats(-0.02, 0.02), st.integers(0, 100))
+def test_scans_settle_on_the_walls_far_finer_than_a_cell(dx: float, dy: float, turn: float, seed: int) -> None:
+    """Scan and map have noise of 1 cm; what 360 beams say together is that over the root of their number."""
+    pose = np.array([2.0, 1.2, 0.5])
+    scan = scan_at(pose, 0.01, np.random.Generator(np.random.PCG64(seed)))
+    found = pose + np.array([dx, dy, turn])
+    weak = np.diag([25.0, 25.0, 25.0])
+    whole = settle(
+        FINE.cells,
+        FINE.index[0],
+        *FINE.corner,
+        found,
+        scan.thinned(360),
+        scan.start,
+        0.015,
+        60.0,
+        found.copy(),
+        weak,
+        8,
+    )
+    assert math.hypot(*(found[:2] - pose[:2])) < 0.006
+    assert abs(found[2] - pose[2]) < 0.003
+    deviations = np.sqrt(np.diag(np.linalg.inv(whole)))
+    assert (deviations < (0.01, 0.01, 0.006)).all()
+
+
+def test_what_no_surface_is_near_to_settles_where_the_odometry_says() -> None:
+    scan = scan_at(np.array([2.0, 1.2, 0.5]))
+    found = np.array([30.0, 30.0, 0.5])
+    expected, information = found + (0.1, 0.0, 0.02), np.diag([100.0, 50.0, 400.0])
+    nowhere = (MAP.cells, MAP.index[0], *MAP.corner, found, scan.thinned(360), scan.start)
+    whole = settle(*nowhere, 0.015, 60.0, expected, information, 8)
+    assert found == pytest.approx(expected)
+    assert whole == pytest.approx(information)
 
 
 @given(st.floats(-0.04, 0.04))

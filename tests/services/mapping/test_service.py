@@ -167,8 +167,8 @@ def test_the_robot_is_where_it_says(driven: tuple[Drive, list[Array]]) -> None:
     turned = [abs(math.remainder(one.pose.theta - p[2], math.tau)) for one, p in zip(found.poses, there, strict=True)]
     raw = between(compose(START, found.odometry), there[-1])
     assert math.hypot(raw[0], raw[1]) > 0.1, "the odometry is too good to show anything"
-    assert np.mean(off) < 0.03 and max(off) < 0.1
-    assert np.mean(turned) < 0.02
+    assert np.mean(off) < 0.012 and max(off) < 0.04
+    assert np.mean(turned) < 0.006
     assert all(one.driver_sequence == k for k, one in enumerate(found.poses, 1))
 
 
@@ -179,7 +179,7 @@ def test_its_covariance_covers_its_errors(driven: tuple[Drive, list[Array]]) -> 
         off = np.array((one.pose.x - p[0], one.pose.y - p[1], math.remainder(one.pose.theta - p[2], math.tau)))
         nees.append(off @ np.linalg.solve(np.array(one.covariance).reshape(3, 3), off))
     # Chi-squared with three numbers: 7.8 is exceeded once in twenty. Errors of a map stay, so some more.
-    assert np.mean(np.array(nees) > 7.8) < 0.35
+    assert np.mean(np.array(nees) > 7.8) < 0.15
 
 
 def test_the_map_is_of_the_room_and_the_object_never_in_it(driven: tuple[Drive, list[Array]]) -> None:
