@@ -1,12 +1,18 @@
-"""Prints the benchmarks: `python -m experiments.bench [spine] [bus] [live] [predictive]`."""
+"""Prints the benchmarks: `python -m experiments.bench [spine] [bus] [live] [predictive] [sensors]`."""
 
 from __future__ import annotations
 
 import sys
 
-from experiments.bench import bus, live, predictive, spine
+from experiments.bench import bus, live, predictive, sensors, spine
 
-BENCHES = {"spine": spine.main, "bus": bus.main, "live": live.main, "predictive": predictive.main}
+BENCHES = {
+    "spine": spine.main,
+    "bus": bus.main,
+    "live": live.main,
+    "predictive": predictive.main,
+    "sensors": sensors.main,
+}
 
 
 def main() -> int:

@@ -86,7 +86,7 @@ def test_scans_settle_on_the_walls_far_finer_than_a_cell(dx: float, dy: float, t
 def test_what_no_surface_is_near_to_settles_where_the_odometry_says() -> None:
     scan = scan_at(np.array([2.0, 1.2, 0.5]))
     found = np.array([30.0, 30.0, 0.5])
-    expected, information = found + (0.1, 0.0, 0.02), np.diag([100.0, 50.0, 400.0])
+    expected, information = found + np.array((0.1, 0.0, 0.02)), np.diag([100.0, 50.0, 400.0])
     nowhere = (MAP.cells, MAP.index[0], *MAP.corner, found, scan.thinned(360), scan.start)
     whole = settle(*nowhere, 0.015, 60.0, expected, information, 8)
     assert found == pytest.approx(expected)
