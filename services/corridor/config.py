@@ -29,3 +29,6 @@ class CorridorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     map_gain: Annotated[
         float, Meta(gt=0, le=5, description="m by which it has to leave the path free for a new plan")
     ] = 0.3
+    apart: Annotated[
+        bool, Meta(description="the map has neither object nor robot, so that what is near them is an obstacle")
+    ] = False

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,13 +19,17 @@ Array = NDArray[np.float64]
 LEAD_IN_MARGIN = 0.1
 """m inside the corridor from o to g at which the robot needs no lead-in."""
 
+_HARDLY = 0.02
 _COMFORT_MARGIN = 0.2
+_OBJECT_ESCAPE = 0.4
+"""m around an object that stands closer to an obstacle than the path needs, in which no more room is asked for"""
 _ROBOT_ESCAPE = 0.3
 
 
 def build(
     cells: Cells, resolution: float, origin: Array, r: Array, o: Array, g: Array, d_r: float, d_o: float,
     *, weight: float = 3.0, cap: float = 1.5, object_margin: float = 0.05,
+    apart: bool = False, doubtful: NDArray[np.bool_] | None = None,
 ) -> CorridorGeometry:  # fmt: skip
     """Return the corridor from `o` to `g`, with a lead-in from `r` where the robot stands outside of it.
 
@@ -41,16 +47,21 @@ def build(
         cap: m, clearances beyond this count as this. A corridor in a hall stays a corridor, and obstacles that
             are far away do not change it.
         object_margin: m around the object's bounding circle within which occupied cells are the object.
+        apart: the map has neither object nor robot: whatever is near them is an obstacle. Else a wall beside the object
+            would be taken for the object, and the path led through it.
+        doubtful: (H, W), whether a cell is only taken to be free, since nobody has seen it: a metre through it costs as
+            much as one through the narrowest passage. The corridor is as wide as if it were free.
 
     Raises:
         services.corridor.clearance.BadGrid: the grid cannot be used.
         services.corridor.shortest_path.PlanningError: GoalBlocked, StartBlocked or NoPath.
     """
     discs = np.array([[o[0], o[1], 0.5 * d_o + object_margin], [r[0], r[1], 0.5 * d_r]])
-    clearance = measure(cells, resolution, origin, discs)
+    clearance = measure(cells, resolution, origin, discs[:0] if apart else discs)
     need = 0.5 * max(d_r, d_o)
     comfort = max(min(d_r + d_o + _COMFORT_MARGIN, cap), need + _COMFORT_MARGIN)
-    path = find(clearance, o, g, Room(need, comfort, weight))
+    way = clearance if doubtful is None else _doubted(clearance, doubtful, need)
+    path = find(way, o, g, Room(need, comfort, weight, escape=_OBJECT_ESCAPE if apart else 0.0))
     width = np.minimum(clearance.along(path), cap) - 0.5 * d_r
     start = 0
     if depth(r[0], r[1], path, width) < LEAD_IN_MARGIN:
@@ -58,6 +69,17 @@ def build(
         start = len(lead_in) - 1
         path = np.vstack([lead_in[:-1], path])
     return CorridorGeometry.of(path, start, np.minimum(clearance.along(path), cap), d_r, d_o)
+
+
+def _doubted(clearance: Clearance, doubtful: NDArray[np.bool_], need: float) -> Clearance:
+    """Return clearances that are hardly above `need`, m, where a cell is doubtful."""
+    ny, nx = doubtful.shape
+    there = np.zeros(clearance.values.shape, np.bool_)
+    for j in range(3):
+        for i in range(3):
+            there[j : j + 2 * ny - 1 : 2, i : i + 2 * nx - 1 : 2] |= doubtful
+    values = np.where(there, np.minimum(clearance.values, need + _HARDLY), clearance.values)
+    return replace(clearance, values=values)
 
 
 def _lead_in(clearance: Clearance, r: Array, o: Array, d_r: float, weight: float) -> Array:

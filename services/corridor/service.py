@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import topics
-from runtime.messages import Corridor, LaserScan, ObjectState, OccupancyGrid, PushGoal, RobotPose
-from runtime.service import Effects, Input, Output, Service, on
+from runtime.messages import Corridor, LaserScan, ObjectState, OccupancyGrid, PushGoal, RobotPose, RobotStatus
+from runtime.service import Effects, Input, Output, Publication, Service, on
 from runtime.time import SECOND, Time
 from services.corridor import hits
-from services.corridor.clearance import FREE, UNKNOWN, measure
+from services.corridor.chart import Chart, apart
+from services.corridor.clearance import measure
 from services.corridor.config import CorridorConfig
 from services.corridor.corridor import build
 from services.corridor.shortest_path import PlanningError
@@ -22,8 +23,8 @@ from services.geometry.wire import geometry, polyline, vector
 
 Array = NDArray[np.float64]
 
-_BEYOND = 2.0
-"""m around robot, object and goal that a map is to cover where what is unknown is free"""
+_ANOTHER_WAY = 0.4
+"""m between two paths from which on they are not the same with noise"""
 
 
 @dataclass
@@ -98,6 +99,8 @@ class CorridorService(Service):
         if change < -self.config.map_threshold or change > self.config.map_gain:
             yield self.say(f"the map has changed by {change:+.2f} m along the path: planning anew", now)
             yield from self._plan(now)
+        else:
+            yield from self._think_again(map, now)
 
     @on(scan)
     def sense(self, scan: LaserScan, now: Time) -> None:
@@ -136,6 +139,22 @@ class CorridorService(Service):
             found.append(hits.of_ranges(self.ranges, pose))
         return np.concatenate(found)
 
+    def _think_again(self, grid: OccupancyGrid, now: Time) -> Effects:
+        """While the path leads through what nobody has seen: take another if what is seen by now makes it better."""
+        known, goal, robot, object, status = self._geometry, self.goal, self.robot, self.object, self.status
+        if known is None or goal is None or robot is None or object is None or status is None:
+            return
+        ahead = known.path[known.arc >= min(known.closest(vector(object.position)).arc, float(known.arc[-1]))]
+        if not self._chart(grid, ahead).doubts(ahead):
+            return
+        try:
+            found = self._built(goal, grid, robot, object, status)
+        except PlanningError:
+            return  # the way through the unknown is still one
+        if apart(found.path[found.start :], known.path) > _ANOTHER_WAY:
+            yield self.say("a better way has come into sight: planning anew", now)
+            yield self._adopt(found, "", now)
+
     def _change(self, grid: OccupancyGrid) -> float:
         """Return how much the clearance along the rest of Q has changed, m: the worst loss if it counts, else the gain.
 
@@ -145,34 +164,30 @@ class CorridorService(Service):
         if found is None or robot is None or object is None:
             return 0.0
         ahead = found.arc >= min(found.closest(vector(object.position)).arc, float(found.arc[-1]))
-        now = measure(*self._cells(grid, found.path), _bodies(robot, object, found, 0.5 * self.config.object_margin))
+        discs = _bodies(robot, object, found, 0.5 * self.config.object_margin)
+        chart = self._chart(grid, found.path)
+        discs = discs[:0] if self.config.apart else discs
+        now = measure(chart.cells, chart.resolution, chart.origin, discs)
         change = np.minimum(now.along(found.path[ahead]), self.config.clearance_cap) - found.clearance[ahead]
         worst, best = float(change.min()), float(change.max())
         return worst if worst < -self.config.map_threshold else best
-
-    def _cells(self, grid: OccupancyGrid, within: Array) -> tuple[NDArray[np.uint8], float, Array]:
-        """Return cells, resolution, m, and origin, (2,), m, of a map.
-
-        Args:
-            within: (N, 2), m, map frame: places that it has to reach beyond, where what nobody has seen is free.
-        """
-        cells = np.frombuffer(grid.cells, np.uint8).reshape(grid.height, grid.width)
-        origin = vector(grid.origin)
-        if self.config.unknown == "occupied":
-            return cells, grid.resolution, origin
-        end = origin + grid.resolution * np.array((grid.width, grid.height))
-        below = np.ceil(np.maximum(origin - within.min(axis=0) + _BEYOND, 0.0) / grid.resolution).astype(int)
-        above = np.ceil(np.maximum(within.max(axis=0) + _BEYOND - end, 0.0) / grid.resolution).astype(int)
-        cells = np.pad(np.where(cells == UNKNOWN, FREE, cells), ((below[1], above[1]), (below[0], above[0])))
-        return cells, grid.resolution, origin - grid.resolution * below
 
     def _plan(self, now: Time) -> Effects:
         goal, grid, robot, object, status = self.goal, self.map, self.robot, self.object, self.status
         if goal is None or grid is None or robot is None or object is None or status is None:
             return
         self.state.planned = True
-        r, o, g = np.array((robot.pose.x, robot.pose.y)), vector(object.position), vector(goal.position)
-        cells, resolution, origin = self._cells(grid, np.stack([r, o, g]))
+        try:
+            found, reason = self._built(goal, grid, robot, object, status), ""
+        except PlanningError as error:
+            found, reason = None, str(error)
+            yield self.say(f"no corridor: {error}", now, "WARNING")
+        yield self._adopt(found, reason, now)
+
+    def _adopt(self, found: CorridorGeometry | None, reason: str, now: Time) -> Publication:
+        """Put a corridor in force."""
+        goal, grid, object, status = self.goal, self.map, self.object, self.status
+        assert goal is not None and grid is not None and object is not None and status is not None
         corridor = Corridor(
             stamp=now,
             version=self.state.corridor.version + 1,
@@ -180,28 +195,36 @@ class CorridorService(Service):
             map_version=grid.version,
             robot_diameter=status.diameter,
             object_diameter=object.diameter,
+            reason=reason,
         )
-        try:
-            self._geometry = build(
-                cells,
-                resolution,
-                origin,
-                r,
-                o,
-                g,
-                status.diameter,
-                object.diameter,
-                weight=self.config.path_weight,
-                cap=self.config.clearance_cap,
-                object_margin=0.5 * self.config.object_margin,
-            )
-            _fill(corridor, self._geometry)
-        except PlanningError as error:
-            self._geometry = None
-            corridor.reason = str(error)
-            yield self.say(f"no corridor: {error}", now, "WARNING")
-        self.state.corridor = corridor
-        yield self.corridor(corridor)
+        if found is not None:
+            _fill(corridor, found)
+        self._geometry, self.state.corridor = found, corridor
+        return self.corridor(corridor)
+
+    def _built(
+        self, goal: PushGoal, grid: OccupancyGrid, robot: RobotPose, object: ObjectState, status: RobotStatus
+    ) -> CorridorGeometry:
+        r, o, g = np.array((robot.pose.x, robot.pose.y)), vector(object.position), vector(goal.position)
+        chart, config = self._chart(grid, np.stack([r, o, g])), self.config
+        return build(
+            chart.cells,
+            chart.resolution,
+            chart.origin,
+            r,
+            o,
+            g,
+            status.diameter,
+            object.diameter,
+            weight=config.path_weight,
+            cap=config.clearance_cap,
+            object_margin=0.5 * config.object_margin,
+            apart=config.apart,
+            doubtful=chart.doubtful,
+        )
+
+    def _chart(self, grid: OccupancyGrid, within: Array) -> Chart:
+        return Chart.of(grid, within, self.config.unknown == "free")
 
 
 def _fill(message: Corridor, found: CorridorGeometry) -> None:

@@ -180,7 +180,7 @@ class MappingService(Service):
         )
 
     def _show(self, now: Time) -> Effects:
-        """Publish the map if it has changed, without the object."""
+        """Publish the map if it has changed."""
         state = self.state
         cells, corner = state.shown.picture(0)
         known = cells != 255
@@ -190,10 +190,6 @@ class MappingService(Service):
         cells = np.ascontiguousarray(cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
         corner = corner + RESOLUTION * np.array((columns[0], rows[0]))
         height, width = cells.shape
-        if state.object is not None:
-            x = corner[0] + (np.arange(width) + 0.5) * RESOLUTION - state.object.position.x
-            y = corner[1] + (np.arange(height) + 0.5) * RESOLUTION - state.object.position.y
-            cells[np.hypot(x[None, :], y[:, None]) < 0.5 * state.object.diameter] = 0
         payload = cells.tobytes()
         if payload == state.cells:
             return
