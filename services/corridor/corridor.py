@@ -65,7 +65,9 @@ def build(
     width = np.minimum(clearance.along(path), cap) - 0.5 * d_r
     start = 0
     if depth(r[0], r[1], path, width) < LEAD_IN_MARGIN:
-        lead_in = _lead_in(clearance, r, o, d_r, weight)
+        # It ends at the object: what is beside that is not in its way.
+        room = measure(cells, resolution, origin, discs) if apart else clearance
+        lead_in = _lead_in(room, r, o, d_r, weight)
         start = len(lead_in) - 1
         path = np.vstack([lead_in[:-1], path])
     return CorridorGeometry.of(path, start, np.minimum(clearance.along(path), cap), d_r, d_o)
