@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.corridor.clearance import Cells, Clearance, measure
-from services.corridor.shortest_path import PlanningError, Room, find
+from services.corridor.shortest_path import GoalBlocked, PlanningError, Room, find
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.field import depth
 
@@ -65,9 +65,7 @@ def build(
     width = np.minimum(clearance.along(path), cap) - 0.5 * d_r
     start = 0
     if depth(r[0], r[1], path, width) < LEAD_IN_MARGIN:
-        # It ends at the object: what is beside that is not in its way.
-        room = measure(cells, resolution, origin, discs) if apart else clearance
-        lead_in = _lead_in(room, r, o, d_r, weight)
+        lead_in = _lead_in(clearance, r, o, d_r, weight)
         start = len(lead_in) - 1
         path = np.vstack([lead_in[:-1], path])
     return CorridorGeometry.of(path, start, np.minimum(clearance.along(path), cap), d_r, d_o)
@@ -88,6 +86,10 @@ def _lead_in(clearance: Clearance, r: Array, o: Array, d_r: float, weight: float
     """Return a path for the robot alone from `r` to `o`. It may start tight: the robot does stand there."""
     room = Room(0.5 * d_r, 0.5 * d_r + _COMFORT_MARGIN, weight, escape=_ROBOT_ESCAPE)
     try:
-        return find(clearance, r, o, room)
+        try:
+            return find(clearance, r, o, room)
+        except GoalBlocked:
+            # An object beside a wall: the end may be tight then, and not the start.
+            return find(clearance, o, r, room)[::-1]
     except PlanningError as error:
         raise type(error)(f"from the robot to the object: {error}") from error
