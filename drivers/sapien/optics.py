@@ -29,13 +29,13 @@ class CameraModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     deviation, growing with the square of the range as that of cameras that triangulate.
     """
 
-    x: Metres = 0.05
+    x: Metres = 0.12
     y: Metres = 0.0
-    z: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 0.9
+    z: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 1.0
     yaw: Angle = 0.0
-    pitch: Angle = math.radians(42)
+    pitch: Angle = math.radians(48)
     roll: Angle = 0.0
-    field: Annotated[float, msgspec.Meta(gt=0.1, lt=2.8)] = math.radians(60)
+    field: Annotated[float, msgspec.Meta(gt=0.1, lt=2.8)] = math.radians(76)
     width: Annotated[int, msgspec.Meta(ge=32, le=4096)] = 640
     height: Annotated[int, msgspec.Meta(ge=32, le=4096)] = 480
     exposure: Annotated[float, msgspec.Meta(gt=0.0, le=20.0)] = 1.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -31,6 +31,10 @@ _SHADOW = 0.3
 """m around the object where the floor is not learned: its top hides what is behind it"""
 _GATE, _RUN = 0.12, 0.3
 """m that a thing may be off where the object should be, and m/s that it may be off more while it is not seen"""
+_PART = 0.6
+"""of its diameter from which on as much is seen of what is cut that it need not be placed by its top"""
+_RESIZED = 0.12
+"""m, of a diameter that is not believed"""
 _SHARE = 0.1
 """of a picture in what is known of the object's height, at least"""
 _LEAST = 0.002
@@ -159,12 +163,15 @@ class AppearanceFinder:
         if region is None:
             return None
         hint = view.hint
-        if hint is not None and region.cut and memory.height > 0.0:
+        hidden = region.cut and hint is not None and region.diameter < _PART * hint.diameter
+        if hint is not None and hidden and memory.height > 0.0:
             region = placed_by_top(floor, region, memory.height, hint.diameter)
         elif region.height > 0.0 and not region.cut:
             share = max(_SHARE, 1.0 / (memory.heights + 1))
             memory.height += share * (region.height - memory.height)
             memory.heights += 1
+        if hint is not None and not hidden:
+            region = replace(region, centre=region.centre + _resized(region, hint, floor.below))
         return _sighting(region, view)
 
     def _floor(self, view: View) -> FloorView:
@@ -221,6 +228,18 @@ def _chosen(regions: list[Region], sought: Sought, hint: Hint | None) -> Region 
         return faced(regions, sought)
     spread = 3.0 * math.sqrt(float(np.linalg.eigvalsh(hint.covariance)[-1]))
     return continued(regions, sought, hint.place, _GATE + spread + _RUN * hint.age)
+
+
+def _resized(region: Region, hint: Hint, below: Array) -> Array:
+    """Return how far the centre is off, (2,), m, if the object is as large as it was in many pictures before.
+
+    Its near side is what a picture shows best, and how far behind that the other one is hangs on the height.
+    """
+    more = hint.diameter - region.diameter
+    if region.cut:
+        more = min(more, 0.0)  # what is hidden makes it smaller
+    away = region.centre - below
+    return np.asarray(0.5 * min(max(more, -_RESIZED), _RESIZED) * away / max(float(np.hypot(*away)), 1e-6))
 
 
 def _sighting(region: Region, view: View) -> Sighting:
