@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from services.geometry.angles import wrap
 from services.geometry.pose import between, compose
 from services.mapping.grid import Maps
-from services.mapping.matching import belief, climb, likelihood_field, search, settle
+from services.mapping.matching import belief, climb, likelihood_field, search
 from services.mapping.scan import Scan
+from services.mapping.surfaces import settle
 
 Array = NDArray[np.float64]
 

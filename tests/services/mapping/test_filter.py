@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from services.geometry.pose import between, compose
 from services.mapping.filter import Noise, Particles
 from services.mapping.grid import Maps
-from services.mapping.matching import agreement, climb, likelihood_field, prior, search, settle
+from services.mapping.matching import agreement, climb, likelihood_field, prior, search
+from services.mapping.surfaces import settle
 from tests.services.mapping.rooms import ROUND, scan_at
 
 POSES = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-3.1, 3.1))
