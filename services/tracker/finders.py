@@ -33,6 +33,8 @@ _GATE, _RUN = 0.12, 0.3
 """m that a thing may be off where the object should be, and m/s that it may be off more while it is not seen"""
 _PART = 0.6
 """of its diameter from which on as much is seen of what is cut that it need not be placed by its top"""
+_RIM = 0.01
+"""m around the robot's own body that is taken for it in pictures of depths"""
 _RESIZED = 0.12
 """m, of a diameter that is not believed"""
 _SHARE = 0.1
@@ -195,20 +197,35 @@ class DepthFinder:
     decoding = cv2.IMREAD_UNCHANGED
 
     def __init__(self, config: TrackerConfig) -> None:
+        self._config = config
         self._sought = _sought(config)
-        self._eye: tuple[Camera, DepthEye] | None = None
+        self._eye: tuple[Camera, Mount, float, DepthEye, NDArray[np.bool_]] | None = None
 
     def find(self, picture: Picture, view: View, memory: Memory) -> Sighting | None:  # noqa: ARG002, all finders alike
         """Return the object in a picture of millimetres, (H, W), uint16; None if nothing is where it can be."""
-        if self._eye is None or self._eye[0] is not view.camera:
-            self._eye = (view.camera, DepthEye.of(view.camera))
-        depth = np.asarray(picture, np.float64) / 1000.0
+        eye, body = self._looking(view)
+        depth = np.where(body, 0.0, np.asarray(picture, np.float64) / 1000.0)
         try:
-            plane = support(self._eye[1], depth, view.mount)
+            plane = support(eye, depth, view.mount)
         except NoPlane:
             return None
-        region = _chosen(things(self._eye[1], depth, plane), self._sought, view.hint)
+        region = _chosen(things(eye, depth, plane), self._sought, view.hint)
         return None if region is None else _sighting(region, view)
+
+    def _looking(self, view: View) -> tuple[DepthEye, NDArray[np.bool_]]:
+        """Return the eye, and which pixels, (H, W), show the top of the robot's own body."""
+        known = self._eye
+        if (
+            known is None
+            or known[0] is not view.camera
+            or known[1] is not view.mount
+            or known[2] != view.robot_diameter
+        ):
+            eye = DepthEye.of(view.camera)
+            top = view.mount.on_plane(eye.rays.reshape(-1, 3), self._config.base_height)
+            body = np.hypot(*top.T) < 0.5 * view.robot_diameter + _RIM
+            known = self._eye = (view.camera, view.mount, view.robot_diameter, eye, body.reshape(eye.rays.shape[:2]))
+        return known[3], known[4]
 
 
 def finder_of(config: TrackerConfig) -> TagFinder | AppearanceFinder | DepthFinder:
