@@ -417,6 +417,14 @@ def test_pictures_show_every_kind() -> None:
 
 
 def test_every_experiment_is_told_of() -> None:
-    kinds = {case.experiment for case in (*cases.best(), *cases.around(), *cases.turned(), *cases.sweep())}
+    every = (
+        *cases.best(),
+        *cases.around(),
+        *cases.turned(),
+        *cases.sweep(),
+        *cases.changing("truth"),
+        *cases.sensing(),
+    )
+    kinds = {case.experiment for case in every}
     assert kinds == set(TITLES) == set(WANTED)
     assert set(ROOMS) == {"1A", "1B", "2A", "2B"}
