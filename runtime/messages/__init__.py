@@ -8,8 +8,9 @@ from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 
-from runtime.messages.base_pb2 import MotionLimits, Odometry, RangeArray, RobotStatus, VelocityCommand
+from runtime.messages.base_pb2 import Count, MotionLimits, Odometry, RangeArray, RobotStatus, VelocityCommand
 from runtime.messages.geometry_pb2 import Polyline, Pose2, Twist2, Vector2
+from runtime.messages.link_pb2 import HttpAnswer, HttpFault, HttpRequest, SerialData
 from runtime.messages.push_pb2 import (
     CancelRequest,
     Corridor,
@@ -45,10 +46,14 @@ __all__ = [
     "CancelRequest",
     "CompressedImage",
     "Corridor",
+    "Count",
     "EntryKind",
     "FailureCause",
     "FrameTransform",
     "Health",
+    "HttpAnswer",
+    "HttpFault",
+    "HttpRequest",
     "ImageAnnotations",
     "InputHealth",
     "Journal",
@@ -78,6 +83,7 @@ __all__ = [
     "Request",
     "RobotPose",
     "RobotStatus",
+    "SerialData",
     "Snapshot",
     "Truth",
     "Twist2",

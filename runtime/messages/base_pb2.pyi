@@ -52,7 +52,7 @@ class MotionLimits(_message.Message):
     def __init__(self, speed: _Optional[float] = ..., angular_speed: _Optional[float] = ..., acceleration: _Optional[float] = ..., angular_acceleration: _Optional[float] = ..., lag: _Optional[float] = ...) -> None: ...
 
 class RobotStatus(_message.Message):
-    __slots__ = ("stamp", "bumper", "emergency_stop", "motors_enabled", "battery_voltage", "limits", "diameter", "commands_accepted", "commands_clamped", "commands_refused", "commands_stale")
+    __slots__ = ("stamp", "bumper", "emergency_stop", "motors_enabled", "battery_voltage", "limits", "diameter", "commands_accepted", "commands_clamped", "commands_refused", "commands_stale", "charging", "battery_low", "link_down", "faults")
     STAMP_FIELD_NUMBER: _ClassVar[int]
     BUMPER_FIELD_NUMBER: _ClassVar[int]
     EMERGENCY_STOP_FIELD_NUMBER: _ClassVar[int]
@@ -64,6 +64,10 @@ class RobotStatus(_message.Message):
     COMMANDS_CLAMPED_FIELD_NUMBER: _ClassVar[int]
     COMMANDS_REFUSED_FIELD_NUMBER: _ClassVar[int]
     COMMANDS_STALE_FIELD_NUMBER: _ClassVar[int]
+    CHARGING_FIELD_NUMBER: _ClassVar[int]
+    BATTERY_LOW_FIELD_NUMBER: _ClassVar[int]
+    LINK_DOWN_FIELD_NUMBER: _ClassVar[int]
+    FAULTS_FIELD_NUMBER: _ClassVar[int]
     stamp: int
     bumper: bool
     emergency_stop: bool
@@ -75,7 +79,19 @@ class RobotStatus(_message.Message):
     commands_clamped: int
     commands_refused: int
     commands_stale: int
-    def __init__(self, stamp: _Optional[int] = ..., bumper: _Optional[bool] = ..., emergency_stop: _Optional[bool] = ..., motors_enabled: _Optional[bool] = ..., battery_voltage: _Optional[float] = ..., limits: _Optional[_Union[MotionLimits, _Mapping]] = ..., diameter: _Optional[float] = ..., commands_accepted: _Optional[int] = ..., commands_clamped: _Optional[int] = ..., commands_refused: _Optional[int] = ..., commands_stale: _Optional[int] = ...) -> None: ...
+    charging: bool
+    battery_low: bool
+    link_down: bool
+    faults: _containers.RepeatedCompositeFieldContainer[Count]
+    def __init__(self, stamp: _Optional[int] = ..., bumper: _Optional[bool] = ..., emergency_stop: _Optional[bool] = ..., motors_enabled: _Optional[bool] = ..., battery_voltage: _Optional[float] = ..., limits: _Optional[_Union[MotionLimits, _Mapping]] = ..., diameter: _Optional[float] = ..., commands_accepted: _Optional[int] = ..., commands_clamped: _Optional[int] = ..., commands_refused: _Optional[int] = ..., commands_stale: _Optional[int] = ..., charging: _Optional[bool] = ..., battery_low: _Optional[bool] = ..., link_down: _Optional[bool] = ..., faults: _Optional[_Iterable[_Union[Count, _Mapping]]] = ...) -> None: ...
+
+class Count(_message.Message):
+    __slots__ = ("name", "value")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    value: int
+    def __init__(self, name: _Optional[str] = ..., value: _Optional[int] = ...) -> None: ...
 
 class VelocityCommand(_message.Message):
     __slots__ = ("stamp", "twist", "driver_sequence", "deadline", "controller", "psi_push", "psi_relocate", "limited")
