@@ -253,6 +253,6 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
             "height": body.height,
             "diameter": body.diameter if sim.tagged else 0.0,
         },
-        "corridor": {"unknown": "free", "apart": True} if sim.perception == "sensors" else {},
+        "corridor": {"unknown": "free", "apart": True, "spare": 0.1, "threshold": 0.1} if sim.perception == "sensors" else {},
     }
     return Layer(f"scene {sim.scene}, object {name}, seed {sim.seed}", values), room.goal

@@ -29,6 +29,10 @@ class CorridorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     map_gain: Annotated[
         float, Meta(gt=0, le=5, description="m by which it has to leave the path free for a new plan")
     ] = 0.3
+    spare: Annotated[
+        float,
+        Meta(ge=0, le=2, description="m of clearance beyond what is needed that the path keeps wherever a way has it"),
+    ] = 0.0
     apart: Annotated[
         bool, Meta(description="the map has neither object nor robot, so that what is near them is an obstacle")
     ] = False

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.corridor.clearance import Cells, Clearance, measure
-from services.corridor.shortest_path import GoalBlocked, PlanningError, Room, find
+from services.corridor.shortest_path import GoalBlocked, PlanningError, Room, cost_along, find
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.field import depth
 
-__all__ = ["CorridorGeometry", "build"]
+__all__ = ["CorridorGeometry", "build", "cost"]
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ _ROBOT_ESCAPE = 0.3
 def build(
     cells: Cells, resolution: float, origin: Array, r: Array, o: Array, g: Array, d_r: float, d_o: float,
     *, weight: float = 3.0, cap: float = 1.5, object_margin: float = 0.05,
-    apart: bool = False, doubtful: NDArray[np.bool_] | None = None,
+    spare: float = 0.0, apart: bool = False, doubtful: NDArray[np.bool_] | None = None,
 ) -> CorridorGeometry:  # fmt: skip
     """Return the corridor from `o` to `g`, with a lead-in from `r` where the robot stands outside of it.
 
@@ -47,6 +48,8 @@ def build(
         cap: m, clearances beyond this count as this. A corridor in a hall stays a corridor, and obstacles that
             are far away do not change it.
         object_margin: m around the object's bounding circle within which occupied cells are the object.
+        spare: m of clearance beyond what is needed that the path keeps if any way has it: a map that is off by
+            centimetres, and still grows, moves the edges of a tight passage under a robot that is in it.
         apart: the map has neither object nor robot: whatever is near them is an obstacle. Else a wall beside the object
             would be taken for the object, and the path led through it.
         doubtful: (H, W), whether a cell is only taken to be free, since nobody has seen it: a metre through it costs as
@@ -58,10 +61,8 @@ def build(
     """
     discs = np.array([[o[0], o[1], 0.5 * d_o + object_margin], [r[0], r[1], 0.5 * d_r]])
     clearance = measure(cells, resolution, origin, discs[:0] if apart else discs)
-    need = 0.5 * max(d_r, d_o)
-    comfort = max(min(d_r + d_o + _COMFORT_MARGIN, cap), need + _COMFORT_MARGIN)
-    way = clearance if doubtful is None else _doubted(clearance, doubtful, need)
-    path = find(way, o, g, Room(need, comfort, weight, escape=_OBJECT_ESCAPE if apart else 0.0))
+    room = replace(_room(d_r, d_o, weight, cap), escape=_OBJECT_ESCAPE if apart else 0.0)
+    path = _roomiest(clearance, o, g, room, spare, doubtful)
     width = np.minimum(clearance.along(path), cap) - 0.5 * d_r
     start = 0
     if depth(r[0], r[1], path, width) < LEAD_IN_MARGIN:
@@ -69,6 +70,33 @@ def build(
         start = len(lead_in) - 1
         path = np.vstack([lead_in[:-1], path])
     return CorridorGeometry.of(path, start, np.minimum(clearance.along(path), cap), d_r, d_o)
+
+
+def cost(clearance: Clearance, path: Array, d_r: float, d_o: float, *, weight: float, cap: float,
+         doubtful: NDArray[np.bool_] | None) -> float:  # fmt: skip
+    """Return what a path, (N, 2), m, map frame, costs as `build` weighs it: its length, more where it is narrow."""
+    room = _room(d_r, d_o, weight, cap)
+    way = clearance if doubtful is None else _doubted(clearance, doubtful, room.need)
+    return cost_along(way, path, room)
+
+
+def _room(d_r: float, d_o: float, weight: float, cap: float) -> Room:
+    need = 0.5 * max(d_r, d_o)
+    return Room(need, max(min(d_r + d_o + _COMFORT_MARGIN, cap), need + _COMFORT_MARGIN), weight)
+
+
+def _roomiest(
+    clearance: Clearance, o: Array, g: Array, room: Room, spare: float, doubtful: NDArray[np.bool_] | None
+) -> Array:
+    """Return the path with `spare` m more clearance than needed, or where there is none, without."""
+    if spare > 0.0:
+        with suppress(PlanningError):
+            return _cheapest(clearance, o, g, room.with_spare(spare), doubtful)
+    return _cheapest(clearance, o, g, room, doubtful)
+
+
+def _cheapest(clearance: Clearance, o: Array, g: Array, room: Room, doubtful: NDArray[np.bool_] | None) -> Array:
+    return find(clearance if doubtful is None else _doubted(clearance, doubtful, room.need), o, g, room)
 
 
 def _doubted(clearance: Clearance, doubtful: NDArray[np.bool_], need: float) -> Clearance:

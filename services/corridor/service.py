@@ -15,7 +15,7 @@ from services.corridor import hits
 from services.corridor.chart import Chart, apart
 from services.corridor.clearance import measure
 from services.corridor.config import CorridorConfig
-from services.corridor.corridor import build
+from services.corridor.corridor import build, cost
 from services.corridor.shortest_path import PlanningError
 from services.corridor.update import disagrees, external
 from services.geometry.corridor import CorridorGeometry
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 _ANOTHER_WAY = 0.4
 """m between two paths from which on they are not the same with noise"""
+_BETTER = 0.8
+"""share of the cost of the way in force that another may cost to be taken: else two that are alike would take turns"""
 
 
 @dataclass
@@ -145,15 +147,30 @@ class CorridorService(Service):
         if known is None or goal is None or robot is None or object is None or status is None:
             return
         ahead = known.path[known.arc >= min(known.closest(vector(object.position)).arc, float(known.arc[-1]))]
-        if not self._chart(grid, ahead).doubts(ahead):
+        chart = self._chart(grid, ahead)
+        if not chart.doubts(ahead):
             return
         try:
             found = self._built(goal, grid, robot, object, status)
         except PlanningError:
             return  # the way through the unknown is still one
-        if apart(found.path[found.start :], known.path) > _ANOTHER_WAY:
+        another = found.path[found.start :]
+        if apart(another, known.path) > _ANOTHER_WAY and self._cost(grid, another) < _BETTER * self._cost(grid, ahead):
             yield self.say("a better way has come into sight: planning anew", now)
             yield self._adopt(found, "", now)
+
+    def _cost(self, grid: OccupancyGrid, path: Array) -> float:
+        """Return what `path` costs on the map of now."""
+        corridor, config, chart = self.state.corridor, self.config, self._chart(grid, path)
+        return cost(
+            measure(chart.cells, chart.resolution, chart.origin, np.empty((0, 3))),
+            path,
+            corridor.robot_diameter,
+            corridor.object_diameter,
+            weight=config.path_weight,
+            cap=config.clearance_cap,
+            doubtful=chart.doubtful,
+        )
 
     def _change(self, grid: OccupancyGrid) -> float:
         """Return how much the clearance along the rest of Q has changed, m: the worst loss if it counts, else the gain.
@@ -219,6 +236,7 @@ class CorridorService(Service):
             weight=config.path_weight,
             cap=config.clearance_cap,
             object_margin=0.5 * config.object_margin,
+            spare=config.spare,
             apart=config.apart,
             doubtful=chart.doubtful,
         )

@@ -6,14 +6,15 @@ can, and passes through narrow places where it must.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.corridor.clearance import Clearance
 from services.corridor.dijkstra import cheapest, places, widest
-from services.corridor.smoothing import SLACK, relax, shortcut
+from services.corridor.smoothing import SLACK, line_cost, relax, shortcut
 from services.geometry.path import resample
 
 Array = NDArray[np.float64]
@@ -54,6 +55,10 @@ class Room:
     escape: float = 0.0
     """m around the start within which the start's own clearance is enough, if less than `need`"""
 
+    def with_spare(self, spare: float) -> Room:
+        """Return what asks for `spare` m more of everything."""
+        return replace(self, need=self.need + spare, comfort=self.comfort + spare)
+
 
 def find(clearance: Clearance, start: Array, goal: Array, room: Room) -> Array:
     """Return Q (N, 2), m, map frame, from `start` to `goal` ((2,), both exact), points at most 0.05 m apart.
@@ -87,6 +92,14 @@ def find(clearance: Clearance, start: Array, goal: Array, room: Room) -> Array:
         if _fits(clearance, candidate, start, room, at_start):
             return candidate
     return resample(_distinct(np.vstack([start, inner, goal])), SPACING)
+
+
+def cost_along(clearance: Clearance, path: Array, room: Room) -> float:
+    """Return what a path, (N, 2), m, map frame, costs; where it is too tight, as at the least clearance."""
+    corners = [(float(x), float(y)) for x, y in path]
+    grid = (clearance.values, clearance.origin[0], clearance.origin[1], clearance.spacing)
+    wish = (room.need, room.comfort, room.weight)
+    return sum(line_cost(*grid, *a, *b, *wish, True) for a, b in pairwise(corners))
 
 
 def _fits(clearance: Clearance, path: Array, start: Array, room: Room, at_start: float) -> bool:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from runtime.messages import OccupancyGrid, Vector2
 from services.corridor.chart import BEYOND, Chart, apart
-from services.corridor.clearance import FREE, OCCUPIED, UNKNOWN
-from services.corridor.corridor import build
+from services.corridor.clearance import FREE, OCCUPIED, UNKNOWN, measure
+from services.corridor.corridor import build, cost
 from services.corridor.shortest_path import StartBlocked
 
 RESOLUTION = 0.05
@@ -118,6 +118,37 @@ def test_where_no_way_is_seen_the_unseen_one_is_taken() -> None:
     cells[rows(2.0, 3.1), 40] = OCCUPIED
     cells[rows(0.4, 1.7), 26:62] = UNKNOWN
     assert 0.4 < through(path_of(cells)) < 1.7
+
+
+def test_a_roomy_way_is_taken_before_a_tight_one_if_there_is_one() -> None:
+    """The straight hole leaves 3 cm beside the robot, the one farther up 20 cm; alone, the tight one will do."""
+    cells = floor(4.0, 4.0)
+    cells[:, 40] = OCCUPIED
+    cells[rows(0.8, 1.32), 40] = FREE
+    cells[rows(2.2, 3.1), 40] = FREE
+    r, o, g = np.array([0.5, 1.05]), np.array([1.0, 1.05]), np.array([3.2, 1.05])
+
+    def crossing(spare: float) -> float:
+        return through(build(cells, RESOLUTION, np.zeros(2), r, o, g, D_R, D_O, weight=0.5, spare=spare).path)
+
+    assert 0.8 < crossing(0.0) < 1.32
+    assert 2.2 < crossing(0.1) < 3.1
+    cells[rows(2.2, 3.1), 40] = OCCUPIED
+    assert 0.8 < crossing(0.1) < 1.32
+
+
+def test_a_way_costs_its_length_and_more_where_it_is_narrow_or_unseen() -> None:
+    """A lane 1 m wide: in its middle the clearance is 0.5 m, of a comfort of 0.91 m and a need of 0.23 m."""
+    cells = np.full((40, 80), OCCUPIED, np.uint8)
+    cells[10:30, 10:70] = FREE
+    lane = np.column_stack([np.linspace(1.2, 2.2, 21), np.full(21, 1.0)])
+    clearance = measure(cells, RESOLUTION, np.zeros(2), np.empty((0, 3)))
+    d_r, d_o, weight = 0.46, 0.25, 3.0
+    narrow = 1.0 + weight * ((0.91 - 0.5) / (0.91 - 0.23)) ** 2
+    assert cost(clearance, lane, d_r, d_o, weight=weight, cap=1.5, doubtful=None) == pytest.approx(narrow, abs=0.01)
+    unseen = np.ones(cells.shape, np.bool_)
+    doubted = 1.0 + weight * ((0.91 - 0.25) / (0.91 - 0.23)) ** 2
+    assert cost(clearance, lane, d_r, d_o, weight=weight, cap=1.5, doubtful=unseen) == pytest.approx(doubted, abs=0.01)
 
 
 def test_a_wall_beside_the_object_is_no_part_of_it_on_a_map_without_it() -> None:
