@@ -82,6 +82,12 @@ def sim(
     tags: Annotated[
         bool | None, typer.Option("--tags/--no-tags", help="Whether the object bears tags.", show_default="--tags")
     ] = None,
+    map_: Annotated[
+        str,
+        typer.Option(
+            "--map", metavar="FILE.yaml|plan", help="Begin with a map made before, or with the scene's floor plan."
+        ),
+    ] = "",
     experience: ExperienceFile = None,
     config: ConfigFile = None,
     assignments: Assignments = None,
@@ -116,6 +122,7 @@ def sim(
         "--seed": ("seed", seed),
         "--perception": ("perception", perception),
         "--tags": ("tagged", tags),
+        "--map": ("map", map_),
     }
     options = [Layer(flag, {"sim": {key: value}}) for flag, (key, value) in given.items() if value not in (None, "")]
     weakest = Layer("pushlane sim", {"sim": {"perception": "sensors"}})

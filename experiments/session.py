@@ -14,6 +14,7 @@ from msgspec import Meta
 
 from drivers.sapien import objects, scene, variants
 from drivers.sapien.base import BaseModel
+from drivers.sapien.occupancy import rasterise
 from experiments.dynamic import changing
 from runtime import registry
 from runtime.bus.config import BusConfig
@@ -28,6 +29,7 @@ from runtime.scheduler import Sink
 from runtime.service import Service
 from runtime.time import Time
 from runtime.timing import TimingConfig
+from services.mapping.config import KnownMap
 from services.names import CONTROLLERS, STRATEGIES
 
 if TYPE_CHECKING:
@@ -40,6 +42,9 @@ SYSTEMS = {
 }
 """The services of a session by its perception, in scheduling order: it breaks ties between timers."""
 NODES = SYSTEMS["truth"]
+
+_ON_OWN_MAP = {"unknown": "free", "apart": True, "spare": 0.1, "steady": True, "threshold": 0.1}
+"""Settings of corridor for maps of sensors: they grow, are off by centimetres, and leave out object and robot."""
 
 DEFAULT_SCENE = "living-room"
 
@@ -87,6 +92,13 @@ class SimConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             "with noise and delay"
         ),
     ] = "truth"
+    map: Annotated[
+        str,
+        Meta(
+            description="a map made before, for perception from sensors: map_server's YAML file, or `plan` for the "
+            "scene's floor plan; empty: the map is made while pushing"
+        ),
+    ] = ""
     changing: Annotated[
         bool, Meta(description="while pushing, two things are put into the corridor and one is taken away")
     ] = False
@@ -171,6 +183,22 @@ def prepare(layers: Sequence[Layer]) -> Session:
     return Session(found, whole, goal)
 
 
+def _known(name: str, room: scene.Scene) -> object:
+    """Return the known map called `name`, as configuration holds it; None for no name.
+
+    Raises:
+        services.mapping.config.BadKnownMap, experiments.slam.maps.BadMap: it is none.
+    """
+    if not name:
+        return None
+    if name == "plan":
+        plan = rasterise(room)
+        return msgspec.to_builtins(KnownMap.of(plan.cells, np.array(plan.origin)))
+    from experiments.slam import maps  # OpenCV
+
+    return msgspec.to_builtins(KnownMap.of(*maps.read(Path(name))))
+
+
 def _of_one_world(whole: Effective, other: str, drawn: str) -> None:
     """Refuse a configuration in which the driver and what stands in for eyes have another scene."""
     scenes = [msgspec.to_builtins(whole.sections[name])["scene"] for name in ("driver", other)]
@@ -247,12 +275,16 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
             "base": msgspec.to_builtins(BaseModel()),
             "tagged": sim.tagged,
         },
-        "mapping": {"seed": words[4] >> 10, "start": [room.robot.x, room.robot.y, room.robot.yaw]},
+        "mapping": {
+            "seed": words[4] >> 10,
+            "start": [room.robot.x, room.robot.y, room.robot.yaw],
+            "known": _known(sim.map, room),
+        },
         "tracker": {
             "finds": "tags" if sim.tagged else "depth" if room.camera.depth else "appearance",
             "height": body.height,
             "diameter": body.diameter if sim.tagged else 0.0,
         },
-        "corridor": {"unknown": "free", "apart": True, "spare": 0.1, "threshold": 0.1} if sim.perception == "sensors" else {},
+        "corridor": _ON_OWN_MAP if sim.perception == "sensors" else {},
     }
     return Layer(f"scene {sim.scene}, object {name}, seed {sim.seed}", values), room.goal

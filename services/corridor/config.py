@@ -33,6 +33,9 @@ class CorridorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
         float,
         Meta(ge=0, le=2, description="m of clearance beyond what is needed that the path keeps wherever a way has it"),
     ] = 0.0
+    steady: Annotated[
+        bool, Meta(description="a new plan keeps to the way of the last while that is roomy and none is clearly better")
+    ] = False
     apart: Annotated[
         bool, Meta(description="the map has neither object nor robot, so that what is near them is an obstacle")
     ] = False

@@ -9,16 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.corridor.clearance import Cells, Clearance, measure
-from services.corridor.shortest_path import GoalBlocked, PlanningError, Room, cost_along, find
+from services.corridor.shortest_path import SPACING, GoalBlocked, PlanningError, Room, cost_along, find
+from services.corridor.smoothing import SLACK
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.field import depth
+from services.geometry.path import resample
 
-__all__ = ["CorridorGeometry", "build", "cost"]
+__all__ = ["CorridorGeometry", "build"]
 
 Array = NDArray[np.float64]
 
 LEAD_IN_MARGIN = 0.1
 """m inside the corridor from o to g at which the robot needs no lead-in."""
+
+BETTER = 0.8
+"""Share of the cost of a known way that another may cost to be taken: else two that are alike would take turns."""
 
 _HARDLY = 0.02
 _COMFORT_MARGIN = 0.2
@@ -31,6 +36,7 @@ def build(
     cells: Cells, resolution: float, origin: Array, r: Array, o: Array, g: Array, d_r: float, d_o: float,
     *, weight: float = 3.0, cap: float = 1.5, object_margin: float = 0.05,
     spare: float = 0.0, apart: bool = False, doubtful: NDArray[np.bool_] | None = None,
+    known: Array | None = None,
 ) -> CorridorGeometry:  # fmt: skip
     """Return the corridor from `o` to `g`, with a lead-in from `r` where the robot stands outside of it.
 
@@ -55,6 +61,9 @@ def build(
         doubtful: (H, W), whether a cell is only taken to be free, since nobody has seen it: a metre through it costs as
             much as one through the narrowest passage. The corridor is as wide as if it were free.
 
+        known: (N, 2), m, map frame, a way that ends in g and begins near o: it is kept while it is roomy enough, unless
+            another costs clearly less.
+
     Raises:
         services.corridor.clearance.BadGrid: the grid cannot be used.
         services.corridor.shortest_path.PlanningError: GoalBlocked, StartBlocked or NoPath.
@@ -63,6 +72,8 @@ def build(
     clearance = measure(cells, resolution, origin, discs[:0] if apart else discs)
     room = replace(_room(d_r, d_o, weight, cap), escape=_OBJECT_ESCAPE if apart else 0.0)
     path = _roomiest(clearance, o, g, room, spare, doubtful)
+    if known is not None:
+        path = _steady(clearance, path, np.vstack([o, known]), room, spare, doubtful)
     width = np.minimum(clearance.along(path), cap) - 0.5 * d_r
     start = 0
     if depth(r[0], r[1], path, width) < LEAD_IN_MARGIN:
@@ -70,14 +81,6 @@ def build(
         start = len(lead_in) - 1
         path = np.vstack([lead_in[:-1], path])
     return CorridorGeometry.of(path, start, np.minimum(clearance.along(path), cap), d_r, d_o)
-
-
-def cost(clearance: Clearance, path: Array, d_r: float, d_o: float, *, weight: float, cap: float,
-         doubtful: NDArray[np.bool_] | None) -> float:  # fmt: skip
-    """Return what a path, (N, 2), m, map frame, costs as `build` weighs it: its length, more where it is narrow."""
-    room = _room(d_r, d_o, weight, cap)
-    way = clearance if doubtful is None else _doubted(clearance, doubtful, room.need)
-    return cost_along(way, path, room)
 
 
 def _room(d_r: float, d_o: float, weight: float, cap: float) -> Room:
@@ -93,6 +96,19 @@ def _roomiest(
         with suppress(PlanningError):
             return _cheapest(clearance, o, g, room.with_spare(spare), doubtful)
     return _cheapest(clearance, o, g, room, doubtful)
+
+
+def _steady(
+    clearance: Clearance, path: Array, known: Array, room: Room, spare: float, doubtful: NDArray[np.bool_] | None
+) -> Array:
+    """Return the known way, or `path` if that is clearly better, or the known one has become tight."""
+    known = resample(known, SPACING)
+    roomy = room.with_spare(spare)
+    way = clearance if doubtful is None else _doubted(clearance, doubtful, roomy.need)
+    far = np.hypot(*(known - known[0]).T) > room.escape
+    if (way.along(known[far]) < roomy.need - SLACK).any() or not (clearance.along(known) > 0.5 * room.need).all():
+        return path
+    return path if cost_along(way, path, roomy) < BETTER * cost_along(way, known, roomy) else known
 
 
 def _cheapest(clearance: Clearance, o: Array, g: Array, room: Room, doubtful: NDArray[np.bool_] | None) -> Array:

@@ -15,7 +15,7 @@ from services.corridor import hits
 from services.corridor.chart import Chart, apart
 from services.corridor.clearance import measure
 from services.corridor.config import CorridorConfig
-from services.corridor.corridor import build, cost
+from services.corridor.corridor import build
 from services.corridor.shortest_path import PlanningError
 from services.corridor.update import disagrees, external
 from services.geometry.corridor import CorridorGeometry
@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 
 _ANOTHER_WAY = 0.4
 """m between two paths from which on they are not the same with noise"""
-_BETTER = 0.8
-"""share of the cost of the way in force that another may cost to be taken: else two that are alike would take turns"""
 
 
 @dataclass
@@ -44,6 +42,10 @@ class CorridorState:
     planned: bool = False
     corridor: Corridor = field(default_factory=Corridor)
     scan: LaserScan | None = None
+
+
+_JOIN = 0.2
+"""m ahead of the object at which a new path joins one that is kept"""
 
 
 class CorridorService(Service):
@@ -154,23 +156,9 @@ class CorridorService(Service):
             found = self._built(goal, grid, robot, object, status)
         except PlanningError:
             return  # the way through the unknown is still one
-        another = found.path[found.start :]
-        if apart(another, known.path) > _ANOTHER_WAY and self._cost(grid, another) < _BETTER * self._cost(grid, ahead):
+        if apart(found.path[found.start :], known.path) > _ANOTHER_WAY:
             yield self.say("a better way has come into sight: planning anew", now)
             yield self._adopt(found, "", now)
-
-    def _cost(self, grid: OccupancyGrid, path: Array) -> float:
-        """Return what `path` costs on the map of now."""
-        corridor, config, chart = self.state.corridor, self.config, self._chart(grid, path)
-        return cost(
-            measure(chart.cells, chart.resolution, chart.origin, np.empty((0, 3))),
-            path,
-            corridor.robot_diameter,
-            corridor.object_diameter,
-            weight=config.path_weight,
-            cap=config.clearance_cap,
-            doubtful=chart.doubtful,
-        )
 
     def _change(self, grid: OccupancyGrid) -> float:
         """Return how much the clearance along the rest of Q has changed, m: the worst loss if it counts, else the gain.
@@ -224,6 +212,10 @@ class CorridorService(Service):
     ) -> CorridorGeometry:
         r, o, g = np.array((robot.pose.x, robot.pose.y)), vector(object.position), vector(goal.position)
         chart, config = self._chart(grid, np.stack([r, o, g])), self.config
+        known = None
+        if config.steady and self._geometry is not None and self.state.corridor.goal_id == goal.id:
+            rest = self._geometry.arc > self._geometry.closest(o).arc + _JOIN
+            known = self._geometry.path[rest] if rest.any() else None
         return build(
             chart.cells,
             chart.resolution,
@@ -239,6 +231,7 @@ class CorridorService(Service):
             spare=config.spare,
             apart=config.apart,
             doubtful=chart.doubtful,
+            known=known,
         )
 
     def _chart(self, grid: OccupancyGrid, within: Array) -> Chart:

@@ -16,6 +16,7 @@ from services.geometry.angles import wrap
 from services.geometry.pose import History, between, compose
 from services.mapping.config import MappingConfig
 from services.mapping.filter import Noise, Particles
+from services.mapping.globally import locate
 from services.mapping.grid import RESOLUTION, Maps
 from services.mapping.scan import Scan
 
@@ -61,7 +62,9 @@ class MappingState:
 class MappingService(Service):
     """Publishes the robot's pose with every odometry, and the map when it has changed.
 
-    The map's frame is the one in which `start` of the configuration says where the base starts.
+    The map's frame is the one in which `start` of the configuration says where the base starts. With a known map, the
+    filter's maps are that one and stay so: the base is localised in it. The map that is published begins as the known
+    one, and scans are drawn over it.
     """
 
     name = "mapping"
@@ -79,8 +82,17 @@ class MappingService(Service):
 
     def __init__(self, config: MappingConfig) -> None:
         super().__init__(config)
-        self.state = MappingState(Particles.at(np.array(config.start), config.particles, config.seed))
         self._noise = Noise()
+        # Cells are counted from the origin. Where a known map's are not, all inside is off by what is left.
+        self._shift = np.zeros(3)
+        if config.known is not None:
+            corner = np.array((config.known.x, config.known.y))
+            self._shift[:2] = corner - np.rint(corner / RESOLUTION) * RESOLUTION
+        self.state = MappingState(Particles.at(np.array(config.start) - self._shift, config.particles, config.seed))
+        if config.known is not None:
+            cells = config.known.grid()
+            self.state.particles.maps = Maps.known(cells, corner - self._shift[:2], config.particles)
+            self.state.shown = Maps.known(cells, corner - self._shift[:2], 1)
 
     def freeze(self) -> None:
         """Leave out of the maps what nobody uses."""
@@ -103,7 +115,8 @@ class MappingService(Service):
             return
         if state.scan is not None and _stamp(state.scan) <= odometry.stamp:
             yield from self._look(now)
-        yield self._where(pose, odometry)
+        if state.matched is not None or not self.config.search:
+            yield self._where(pose, odometry)
 
     @on(scan)
     def scanned(self, scan: LaserScan, now: Time) -> Effects:
@@ -133,16 +146,28 @@ class MappingService(Service):
         soon = state.matched is not None and stamp - state.matched < nanoseconds(config.pause)
         if not soon or math.hypot(step[0], step[1]) >= config.step or abs(step[2]) >= config.turn:
             if state.matched is None:
-                particles.poses[:] = pose
+                found = self._found(scan) if config.search else pose
+                if found is None:
+                    yield self.say("the scan fits nowhere on the known map: waiting for another", now, "WARNING")
+                    return
+                particles.poses[:] = pose = found
             else:
                 particles.move(step, self._noise, scan)
-            particles.draw(scan, config.memory)
+            if config.known is None:
+                particles.draw(scan, config.memory)
             particles.select()
             state.matched, state.at_match = stamp, there
             pose = particles.poses[particles.best]
         state.shown.draw(0, pose, scan.ends, scan.returned, scan.start, config.shown_memory)
         if not state.version or now - state.published >= nanoseconds(config.map_period):
             yield from self._show(now)
+
+    def _found(self, scan: Scan) -> Array | None:
+        """Return where on the known map a scan was taken, (3,), by this scan alone; None: nowhere."""
+        if self.config.known is None:
+            return np.array(self.config.start)
+        poses, _ = locate(self.state.particles.maps, scan)
+        return poses[0] if len(poses) else None
 
     def _scan(self, message: LaserScan, pose: Array) -> Scan:
         """Return the scan without beams that end at the object or at the robot itself; `pose`: (3,), of the robot."""
@@ -156,7 +181,7 @@ class MappingService(Service):
             foreign &= np.hypot(*ends.T) > 0.5 * self.status.diameter
         if self.state.object is not None:
             thing = self.state.object
-            dx, dy = thing.position.x - pose[0], thing.position.y - pose[1]
+            dx, dy = (thing.position.x, thing.position.y) - self._shift[:2] - pose[:2]
             c, s = math.cos(pose[2]), math.sin(pose[2])
             off = ends - (c * dx + s * dy, -s * dx + c * dy)
             foreign &= np.hypot(*off.T) > 0.5 * thing.diameter + self.config.object_margin
@@ -165,7 +190,7 @@ class MappingService(Service):
 
     def _where(self, odometry_pose: Array, odometry: Odometry) -> Publication:
         state, particles = self.state, self.state.particles
-        x, y, theta = compose(particles.poses[particles.best], between(state.at_match, odometry_pose))
+        x, y, theta = compose(particles.poses[particles.best], between(state.at_match, odometry_pose)) + self._shift
         weights = particles.weights
         off = particles.poses - particles.poses[particles.best]
         off[:, 2] = [wrap(float(angle)) for angle in off[:, 2]]
@@ -188,7 +213,7 @@ class MappingService(Service):
             return
         rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
         cells = np.ascontiguousarray(cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
-        corner = corner + RESOLUTION * np.array((columns[0], rows[0]))
+        corner = corner + RESOLUTION * np.array((columns[0], rows[0])) + self._shift[:2]
         height, width = cells.shape
         payload = cells.tobytes()
         if payload == state.cells:

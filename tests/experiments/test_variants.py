@@ -179,4 +179,10 @@ def test_the_default_leaves_every_draw_as_recorded() -> None:
             assert drawn == before, (name, node)
             assert now["seed"] == then["seed"]
         now = msgspec.json.decode(msgspec.json.encode(sections["driver"]))
-        assert now["body"] == config["sections"]["driver"]["body"]
+        then = config["sections"]["driver"]["body"]
+        # Sums over shapes end in other digits on other processors, where they come to nothing.
+        numbers = {key: one for key, one in then.items() if isinstance(one, float)}
+        assert {key: now["body"][key] for key in numbers} == pytest.approx(numbers, rel=1e-12, abs=1e-15)
+        assert {key: one for key, one in now["body"].items() if key not in numbers} == {
+            key: one for key, one in then.items() if key not in numbers
+        }

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from runtime.messages import OccupancyGrid, Vector2
 from services.corridor.chart import BEYOND, Chart, apart
-from services.corridor.clearance import FREE, OCCUPIED, UNKNOWN, measure
-from services.corridor.corridor import build, cost
+from services.corridor.clearance import FREE, OCCUPIED, UNKNOWN
+from services.corridor.corridor import build
 from services.corridor.shortest_path import StartBlocked
 
 RESOLUTION = 0.05
@@ -137,18 +137,25 @@ def test_a_roomy_way_is_taken_before_a_tight_one_if_there_is_one() -> None:
     assert 0.8 < crossing(0.1) < 1.32
 
 
-def test_a_way_costs_its_length_and_more_where_it_is_narrow_or_unseen() -> None:
-    """A lane 1 m wide: in its middle the clearance is 0.5 m, of a comfort of 0.91 m and a need of 0.23 m."""
-    cells = np.full((40, 80), OCCUPIED, np.uint8)
-    cells[10:30, 10:70] = FREE
-    lane = np.column_stack([np.linspace(1.2, 2.2, 21), np.full(21, 1.0)])
-    clearance = measure(cells, RESOLUTION, np.zeros(2), np.empty((0, 3)))
-    d_r, d_o, weight = 0.46, 0.25, 3.0
-    narrow = 1.0 + weight * ((0.91 - 0.5) / (0.91 - 0.23)) ** 2
-    assert cost(clearance, lane, d_r, d_o, weight=weight, cap=1.5, doubtful=None) == pytest.approx(narrow, abs=0.01)
-    unseen = np.ones(cells.shape, np.bool_)
-    doubted = 1.0 + weight * ((0.91 - 0.25) / (0.91 - 0.23)) ** 2
-    assert cost(clearance, lane, d_r, d_o, weight=weight, cap=1.5, doubtful=unseen) == pytest.approx(doubted, abs=0.01)
+def test_a_known_way_is_kept_unless_another_is_clearly_better_or_it_has_become_tight() -> None:
+    """Two holes alike, one below the line to the goal, the other above and a little nearer."""
+    cells = floor(4.0, 4.0)
+    cells[:, 40] = OCCUPIED
+    cells[rows(0.5, 1.5), 40] = FREE
+    cells[rows(1.7, 2.7), 40] = FREE
+    r, o, g = np.array([0.5, 1.65]), np.array([1.0, 1.65]), np.array([3.2, 1.65])
+    low, high = (np.array([[1.3, y], [2.025, y], [2.7, y], g]) for y in (1.0, 2.2))
+
+    def crossing(known: np.ndarray) -> float:
+        built = build(cells, RESOLUTION, np.zeros(2), r, o, g, D_R, D_O, spare=0.1, known=known)
+        return through(built.path[built.start :])
+
+    assert crossing(low) == pytest.approx(1.0, abs=0.05)
+    assert crossing(high) == pytest.approx(2.2, abs=0.05)
+    detour = np.array([[1.0, 0.6], [2.025, 1.0], [2.7, 0.6], [3.4, 0.6], g])
+    assert crossing(detour) > 1.7, "too long"
+    cells[rows(0.8, 0.85), 39] = OCCUPIED
+    assert crossing(low) > 1.7, "too tight"
 
 
 def test_a_wall_beside_the_object_is_no_part_of_it_on_a_map_without_it() -> None:
