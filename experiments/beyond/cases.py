@@ -40,11 +40,14 @@ _AROUND = GOALS * len(FRICTIONS) * len(OPEN_OBJECTS)
 SENSES: dict[str, dict[str, dict[str, Any]]] = {
     "truth": {},
     "tags": {"sim": {"perception": "sensors"}},
+    "plan": {"sim": {"perception": "sensors", "map": "plan"}},
     "appearance": {"sim": {"perception": "sensors", "tagged": False}},
     "depth": {"sim": {"perception": "sensors", "tagged": False, "depth": True}},
+    "no yaw": {"perception": {"yaw": False}},
 }
 """How the pushes of `sensing` are seen: by truth with noise and delay, or by sensors, with an object that bears tags,
-one without that looks other than the floor, and one without before a camera that measures depth."""
+the same with the room's floor plan known, one without tags that looks other than the floor, and one without before a
+camera that measures depth. The last two see no yaw, so truth without it stands beside them."""
 
 YAWS = 8
 """orientations at the goal, at equal angles"""

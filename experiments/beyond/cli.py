@@ -37,7 +37,9 @@ Parameters = Annotated[
 Perception = Annotated[str, typer.Option(metavar="NAME", help="truth or sensors.")]
 Senses = Annotated[
     str,
-    typer.Option(metavar="A,B", help="Only these: truth, tags, appearance, depth.", show_default="all of them"),
+    typer.Option(
+        metavar="A,B", help="Only these: truth, tags, plan, appearance, depth, 'no yaw'.", show_default="all of them"
+    ),
 ]
 Plots = Annotated[bool, typer.Option("--plots/--no-plots", help="Draw.")]
 

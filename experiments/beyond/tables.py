@@ -228,24 +228,28 @@ def dynamic(outcomes: Sequence[Outcome]) -> list[Table]:
 
 
 def sensors(outcomes: Sequence[Outcome]) -> list[Table]:
-    """Return the tables of `pushlane experiment sensors`: rates on the seeds that were pushed with truth as well."""
+    """Return the tables of `pushlane experiment sensors`.
+
+    Rates stand beside those of truth on the same seeds; of ways that see no yaw, beside truth without it.
+    """
     ours = [one for one in outcomes if one.experiment == "sensors"]
     rows, places = [], []
     for method in methods(ours):
         mine = {name: [one for one in ours if (one.method, one.case) == (method, name)] for name in SENSES}
-        truth = {one.seed: one for one in mine["truth"]}
         for name, some in mine.items():
             if not some:
                 continue
-            both = [one for one in some if one.seed in truth]
-            gain = sum(one.success - truth[one.seed].success for one in both)
-            beside = f"{100 * gain / len(both):+.1f} of {len(both)}" if both and name != "truth" else "-"
+            other = "no yaw" if name in ("appearance", "depth") and mine["no yaw"] else "truth"
+            known = {one.seed: one for one in mine[other]}
+            both = [one for one in some if one.seed in known]
+            gain = sum(one.success - known[one.seed].success for one in both)
+            beside = f"{100 * gain / len(both):+.1f} of {len(both)}, {other}" if both and name != other else "-"
             rows.append((method, name, *_row(some), beside))
             scenes = sorted({one.scene for one in ours})
             places.append((method, name, *(_success(some, "scene", place) for place in scenes)))
     scenes = sorted({one.scene for one in ours})
     return [
-        Table("From sensors: success", ("method", "seen by", *_ROW, "points beside truth"), tuple(rows)),
+        Table("From sensors: success", ("method", "seen by", *_ROW, "points beside"), tuple(rows)),
         Table("By scene", ("method", "seen by", *scenes), tuple(places)),
     ]
 

@@ -85,8 +85,9 @@ NOTES = {
         "The same pushes seen in different ways: in rooms 1A to 2B and the living-room, with every object, each with "
         "the same seed. *truth*: positions from the simulation with their usual noise and delay, and its map. Others: "
         "mapping from laser and odometry that begins with nothing, and the tracker's camera; *tags*: a cube of five "
-        "tags on the object; *appearance*: none, it is found because it looks other than the floor; *depth*: none, "
-        "before a camera that measures depth."
+        "tags on the object; *plan*: tags, and the room's floor plan known; *appearance*: none, it is found because it "
+        "looks other than the floor; *depth*: none, before a camera that measures depth. These two see no yaw, as does "
+        "*no yaw*: truth without it."
     ),
 }
 
