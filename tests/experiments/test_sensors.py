@@ -74,19 +74,29 @@ def test_the_cases_of_sensing_are_the_same_pushes() -> None:
         sensing(["smell"])
 
 
-def test_the_table_counts_points_on_the_seeds_that_truth_has_too() -> None:
-    def outcome(sense: str, seed: int, success: bool) -> Outcome:
-        return Outcome(
-            experiment="sensors", method="predictive", start="scene", scene="1A", object="can", strategy="predictive",
-            controller="predictive", precision=0.1, seed=seed, case=sense, settings="", success=success,
-            cause="" if success else "stall", distance=0.0, robot_length=2.0, object_length=1.0, time=9.0,
-            robot_depth=0.1, object_depth=0.1, hits=0, to_go=None, turn=None, steep=None,
-        )  # fmt: skip
+def outcome(sense: str, seed: int, success: bool) -> Outcome:
+    return Outcome(
+        experiment="sensors", method="predictive", start="scene", scene="1A", object="can", strategy="predictive",
+        controller="predictive", precision=0.1, seed=seed, case=sense, settings="", success=success,
+        cause="" if success else "stall", distance=0.0, robot_length=2.0, object_length=1.0, time=9.0,
+        robot_depth=0.1, object_depth=0.1, hits=0, to_go=None, turn=None, steep=None,
+    )  # fmt: skip
 
+
+def test_the_table_counts_points_on_the_seeds_that_truth_has_too() -> None:
     truth = [outcome("truth", seed, seed != 3) for seed in range(10)]
     tags = [outcome("tags", seed, seed > 1) for seed in range(12)]
     rates, places = sensors([*truth, *tags])
     assert [row[1] for row in rates.rows] == ["truth", "tags"]
     # Of ten seeds both have, tags fail two that truth delivers, and deliver one that it fails.
-    assert rates.rows[1][-1] == "-10.0 of 10"
+    assert rates.rows[1][-1] == "-10.0 of 10, truth"
     assert places.rows[1][2:] == ("10/12",)
+
+
+def test_what_sees_no_yaw_stands_beside_truth_without_it() -> None:
+    truth = [outcome("truth", seed, True) for seed in range(10)]
+    blind = [outcome("no yaw", seed, seed > 0) for seed in range(10)]
+    looks = [outcome("appearance", seed, seed > 1) for seed in range(10)]
+    rows = {row[1]: row for row in sensors([*truth, *blind, *looks])[0].rows}
+    assert rows["no yaw"][-1] == "-10.0 of 10, truth"
+    assert rows["appearance"][-1] == "-10.0 of 10, no yaw"
