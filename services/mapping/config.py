@@ -78,7 +78,7 @@ class MappingConfig(FilterConfig, frozen=True, kw_only=True, forbid_unknown_fiel
     ] = (0.0, 0.0, 0.0)
     known: Annotated[
         KnownMap | None,
-        Meta(description="a map made before: the base is localised in it, and what has changed since is drawn over it"),
+        Meta(description="a map made before: the base is localised in it, and scans are drawn over it"),
     ] = None
     search: Annotated[
         bool, Meta(description="look for the start all over the known map with the first scan; else believe `start`")

@@ -63,8 +63,8 @@ class MappingService(Service):
     """Publishes the robot's pose with every odometry, and the map when it has changed.
 
     The map's frame is the one in which `start` of the configuration says where the base starts. With a known map, the
-    filter's maps are that one and stay so: the base is localised in it. The map that is published begins as the known
-    one, and scans are drawn over it.
+    filter's maps and the one that is published begin as that, and scans are drawn over them: what a plan has to the
+    cell is found more exactly where the robot comes by.
     """
 
     name = "mapping"
@@ -153,8 +153,7 @@ class MappingService(Service):
                 particles.poses[:] = pose = found
             else:
                 particles.move(step, self._noise, scan)
-            if config.known is None:
-                particles.draw(scan, config.memory)
+            particles.draw(scan, config.memory)
             particles.select()
             state.matched, state.at_match = stamp, there
             pose = particles.poses[particles.best]
