@@ -1,0 +1,1 @@
+"""The REST interface of Robotino 3 and 4."""
