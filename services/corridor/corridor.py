@@ -22,6 +22,10 @@ Array = NDArray[np.float64]
 LEAD_IN_MARGIN = 0.1
 """m inside the corridor from o to g at which the robot needs no lead-in."""
 
+STANDING, STANDING_REACH = 0.05, 0.2
+"""m of width that the pushing corridor has at least where robot and object stand, and m around them, on a map that
+sensors made: it is off by up to a cell, and they stand there without touching anything. Not in the paper."""
+
 BETTER = 0.8
 """Share of the cost of a known way that another may cost to be taken: else two that are alike would take turns."""
 
@@ -69,7 +73,8 @@ def build(
         services.corridor.shortest_path.PlanningError: GoalBlocked, StartBlocked or NoPath.
     """
     discs = np.array([[o[0], o[1], 0.5 * d_o + object_margin], [r[0], r[1], 0.5 * d_r]])
-    clearance = measure(cells, resolution, origin, discs[:0] if apart else discs)
+    # Even on a map without the robot a wall may be a cell too thick; the robot stands there, so it is not in a wall.
+    clearance = measure(cells, resolution, origin, discs[1:] if apart else discs)
     room = replace(_room(d_r, d_o, weight, cap), escape=_OBJECT_ESCAPE if apart else 0.0)
     path = _roomiest(clearance, o, g, room, spare, doubtful)
     if known is not None:
@@ -80,7 +85,11 @@ def build(
         lead_in = _lead_in(clearance, r, o, d_r, weight)
         start = len(lead_in) - 1
         path = np.vstack([lead_in[:-1], path])
-    return CorridorGeometry.of(path, start, np.minimum(clearance.along(path), cap), d_r, d_o)
+    found = np.minimum(clearance.along(path), cap)
+    if apart:
+        near = np.minimum(np.hypot(*(path - r).T), np.hypot(*(path - o).T)) <= STANDING_REACH
+        found[near] = np.maximum(found[near], 0.5 * d_r + STANDING)
+    return CorridorGeometry.of(path, start, found, d_r, d_o)
 
 
 def _room(d_r: float, d_o: float, weight: float, cap: float) -> Room:

@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import topics
-from runtime.messages import Corridor, LaserScan, ObjectState, OccupancyGrid, PushGoal, RobotPose, RobotStatus
+from runtime.messages import (
+    Corridor,
+    LaserScan,
+    ObjectState,
+    OccupancyGrid,
+    PushGoal,
+    RobotPose,
+    RobotStatus,
+    Visibility,
+)
 from runtime.service import Effects, Input, Output, Publication, Service, on
 from runtime.time import SECOND, Time
 from services.corridor import hits
@@ -130,6 +139,8 @@ class CorridorService(Service):
         sensed = self._hits(scan, robot)
         r, o = np.array((robot.pose.x, robot.pose.y)), vector(self.object.position)
         d_r, d_o = corridor.robot_diameter, corridor.object_diameter
+        if self.object.visibility == Visibility.LOST:
+            o = np.full(2, np.inf)  # nobody knows where it is: what stands there is an obstacle
         sensed = external(sensed, r, o, d_r, d_o, self.config.object_margin)
         found = disagrees(self._geometry.field, d_r, r, sensed, self.config.threshold)
         if found.nearer or (found.farther and self._change(self.map) > self.config.map_gain):

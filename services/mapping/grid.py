@@ -123,6 +123,20 @@ class Maps:
             self.owners = np.concatenate([self.owners, np.zeros(more, np.int32)])
         _draw(self.cells, self.owners, self.index[particle], *self.corner, there, returned, origin, cap)
 
+    def wipe(self, particle: int, centre: Array, radius: float) -> None:
+        """Forget what stands within `radius` m of `centre`, (2,), m, on the map of a particle that shares no tiles."""
+        reach = np.arange(-radius, radius + RESOLUTION, RESOLUTION)
+        x, y = (grid.ravel() for grid in np.meshgrid(centre[0] + reach, centre[1] + reach))
+        i, j = (np.floor(one / RESOLUTION).astype(int) for one in (x, y))
+        middle_x, middle_y = (i + 0.5) * RESOLUTION - centre[0], (j + 0.5) * RESOLUTION - centre[1]
+        i, j = i - self.corner[0] * SIDE, j - self.corner[1] * SIDE
+        h, w = self.index.shape[1:]
+        inside = (np.hypot(middle_x, middle_y) <= radius) & (i >= 0) & (j >= 0) & (i < w * SIDE) & (j < h * SIDE)
+        for u, v in zip(i[inside], j[inside], strict=True):
+            tile = self.index[particle, v // SIDE, u // SIDE]
+            if tile >= 0:
+                self.cells[tile, v % SIDE, u % SIDE, [HITS, ENDS]] = 0.0
+
     def take(self, chosen: NDArray[np.int64]) -> None:
         """Replace the particles' maps by those of the particles `chosen`, (P,)."""
         self.index = self.index[chosen]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import topics
-from runtime.messages import LaserScan, ObjectState, OccupancyGrid, Odometry, Pose2, RobotPose, Vector2
+from runtime.messages import LaserScan, ObjectState, OccupancyGrid, Odometry, Pose2, RobotPose, Vector2, Visibility
 from runtime.service import Effects, Input, Output, Publication, Service, on
 from runtime.time import SECOND, Time, nanoseconds
 from services.geometry.angles import wrap
@@ -27,6 +27,13 @@ _REMEMBERED = 2.0
 _LEAST = np.diag([0.01**2, 0.01**2, 0.005**2])
 """m^2 and rad^2: that of a map that is made while it is used. Particles that agree know nothing of the errors that all
 of them share; this is what is left on rounds through rooms (docs/mapping.md)."""
+_SINCE = Noise(least=0.0, least_turn=0.0)
+_CARRIED = 0.3
+"""m from where the object was seen last at which it was carried, not pushed"""
+_RIM = 0.04
+"""m around the object within which what was drawn is taken for it"""
+_JUMP, _FASTEST = 0.3, 3.0
+"""m and m/s that odometry may go on from one to the next"""
 
 
 @dataclass
@@ -101,8 +108,18 @@ class MappingService(Service):
 
     @on(object)
     def located(self, object: ObjectState, now: Time) -> None:
-        """Note where the object is: it is no part of the room."""
-        self.state.object = object
+        """Note where the object is: it is no part of the room.
+
+        Where it was not known to be, it may have been drawn; it is wiped out there, since no beam will pass while it
+        stands. Elsewhere nothing is: a wall beside it is to stay.
+        """
+        before, self.state.object = self.state.object, object
+        place = np.array((object.position.x, object.position.y))
+        if object.visibility != Visibility.VISIBLE:
+            return
+        anew = before is None or before.visibility == Visibility.LOST
+        if before is None or anew or math.dist(place, (before.position.x, before.position.y)) > _CARRIED:
+            self.state.shown.wipe(0, place - self._shift[:2], 0.5 * object.diameter + _RIM)
 
     @on(odometry)
     def moved(self, odometry: Odometry, now: Time) -> Effects:
@@ -111,12 +128,28 @@ class MappingService(Service):
         pose = np.array((odometry.pose.x, odometry.pose.y, odometry.pose.theta))
         if not state.odometry.stamps:
             state.at_match = pose
+        if state.odometry.stamps and self._began_anew(odometry.stamp, pose):
+            self._go_on_from(pose)
+            yield self.say("the odometry has begun anew: going on from where the robot was", now, "WARNING")
         if not state.odometry.add(odometry.stamp, pose, _REMEMBERED):
             return
         if state.scan is not None and _stamp(state.scan) <= odometry.stamp:
             yield from self._look(now)
         if state.matched is not None or not self.config.search:
             yield self._where(pose, odometry)
+
+    def _began_anew(self, stamp: Time, pose: Array) -> bool:
+        """Return whether no base can have come from the last odometry to this one."""
+        last = self.state.odometry
+        step, seconds = between(last.poses[-1], pose), max(stamp - last.stamps[-1], 0) / SECOND
+        return math.hypot(step[0], step[1]) > _JUMP + _FASTEST * seconds
+
+    def _go_on_from(self, pose: Array) -> None:
+        """Take it that the robot has stayed where it was, and that this is now `pose`, (3,), odom frame."""
+        state = self.state
+        step = between(state.at_match, state.odometry.poses[-1])
+        state.particles.poses = np.array([compose(one, step) for one in state.particles.poses])
+        state.at_match, state.odometry, state.scan = pose, History(), None
 
     @on(scan)
     def scanned(self, scan: LaserScan, now: Time) -> Effects:
@@ -178,7 +211,7 @@ class MappingService(Service):
         foreign = np.ones(len(ranges), np.bool_)
         if self.status is not None:
             foreign &= np.hypot(*ends.T) > 0.5 * self.status.diameter
-        if self.state.object is not None:
+        if self.state.object is not None and self.state.object.visibility != Visibility.LOST:
             thing = self.state.object
             dx, dy = (thing.position.x, thing.position.y) - self._shift[:2] - pose[:2]
             c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -189,11 +222,18 @@ class MappingService(Service):
 
     def _where(self, odometry_pose: Array, odometry: Odometry) -> Publication:
         state, particles = self.state, self.state.particles
-        x, y, theta = compose(particles.poses[particles.best], between(state.at_match, odometry_pose)) + self._shift
+        best, step = particles.poses[particles.best], between(state.at_match, odometry_pose)
+        x, y, theta = here = compose(best, step) + self._shift
         weights = particles.weights
-        off = particles.poses - particles.poses[particles.best]
+        off = particles.poses - best
         off[:, 2] = [wrap(float(angle)) for angle in off[:, 2]]
-        covariance = (weights[:, None] * off).T @ off + _LEAST
+        # A heading that is off carries the robot aside on its way since the match; the odometry errs on that way too.
+        lever = np.eye(3)
+        lever[:2, 2] = -(here - self._shift - best)[1], (here - self._shift - best)[0]
+        c, s = math.cos(best[2]), math.sin(best[2])
+        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        since = turned @ _SINCE.covariance(step) @ turned.T
+        covariance = lever @ ((weights[:, None] * off).T @ off + _LEAST) @ lever.T + since
         return self.pose(
             RobotPose(
                 stamp=odometry.stamp,

@@ -23,8 +23,11 @@ _GATE = 13.8
 """squared normalised error of two numbers that one reading in a thousand exceeds"""
 _GATE_YAW = 10.8
 """the same of one number"""
-_ANEW = 4
-"""readings in a row beyond the gate after which they are believed: somebody has moved the object"""
+_ANEW, _ALIKE = 4, 0.25
+"""readings in a row beyond the gate, and m from one to the next, at which they are believed: somebody has moved the
+object"""
+_CORRELATED = 0.1
+"""s for which an acceleration lasts: `shove` is its deviation over so long"""
 _NEAR = 0.06
 """m between base and object within which it may be pushed"""
 
@@ -55,7 +58,8 @@ class Track:
         mean: (4,), x, y, m, vx, vy, m/s, map frame; covariance: (4, 4).
         yaw: (2,), rad and rad/s; yaw_covariance: (2, 2); oriented: whether it was ever seen.
         diameter: m. readings: how many there were of it.
-        seen: ns, when it was seen last. strange: readings in a row that were beyond the gate.
+        seen: ns, when it was seen last. strange: readings in a row that were beyond the gate,
+            and alike; strange_at: (2,), m, the last of them.
         strange_yaw: the same of the yaw.
         robot: (2,), m, where the base was at `stamp`. nearest: m, least distance from there to o while it was seen: an
             object that is no disc comes nearer than its bounding circle.
@@ -71,6 +75,7 @@ class Track:
     readings: int = 0
     seen: Time = 0
     strange: int = 0
+    strange_at: tuple[float, float] = (0.0, 0.0)
     strange_yaw: int = 0
     robot: Array = field(default_factory=lambda: np.full(2, 1e6))
     nearest: float = 1e6
@@ -110,12 +115,12 @@ class Track:
         way = drag * (1.0 - kept)
         step = np.array([[1.0, 0.0, way, 0.0], [0.0, 1.0, 0.0, way], [0.0, 0.0, kept, 0.0], [0.0, 0.0, 0.0, kept]])
         self.mean = step @ self.mean
-        self.covariance = step @ self.covariance @ step.T + _noise(dt, shove)
+        self.covariance = step @ self.covariance @ step.T + _noise(dt, drag, shove)
         turned = np.array([[1.0, way], [0.0, kept]])
         self.yaw = turned @ self.yaw
         self.yaw[0] = wrap(float(self.yaw[0]))
         spin = shove / max(0.5 * self.diameter, 0.05)
-        self.yaw_covariance = turned @ self.yaw_covariance @ turned.T + _noise(dt, spin)[::2, ::2]
+        self.yaw_covariance = turned @ self.yaw_covariance @ turned.T + _noise(dt, drag, spin)[::2, ::2]
         self.robot = robot
         off = self.mean[:2] - robot
         distance, least = math.hypot(off[0], off[1]), min(touch, self.nearest)
@@ -129,7 +134,9 @@ class Track:
         look = self.covariance[:2, :2] + reading.covariance
         off = reading.place - self.mean[:2]
         if float(off @ np.linalg.solve(look, off)) > _GATE:
-            self.strange += 1
+            agrees = self.strange > 0 and math.dist(reading.place, self.strange_at) < _ALIKE
+            self.strange = self.strange + 1 if agrees else 1
+            self.strange_at = (float(reading.place[0]), float(reading.place[1]))
             if self.strange < _ANEW:
                 return False
             anew = Track.begin(reading, self.stamp, config)
@@ -176,10 +183,15 @@ class Track:
             self.diameter += share * (reading.diameter - self.diameter)
 
 
-def _noise(dt: float, shove: float) -> Array:
-    """Return the covariance, (4, 4), that accelerations of deviation `shove`, white over `dt` s, add."""
-    place, both, speed = dt**4 / 4.0, dt**3 / 2.0, dt**2
-    one = np.array([[place, both], [both, speed]]) * shove**2
+def _noise(dt: float, drag: float, shove: float) -> Array:
+    """Return the covariance, (4, 4), that white accelerations add over `dt` s to what drags to a stop in `drag` s.
+
+    That of an Ornstein-Uhlenbeck velocity and its integral: one step adds what many do.
+    """
+    q, kept = shove**2 * _CORRELATED, math.exp(-dt / drag)
+    place = q * drag**2 * (dt - 2.0 * drag * (1.0 - kept) + 0.5 * drag * (1.0 - kept**2))
+    both, speed = 0.5 * q * drag**2 * (1.0 - kept) ** 2, 0.5 * q * drag * (1.0 - kept**2)
+    one = np.array([[max(place, 0.0), both], [both, speed]])
     out = np.zeros((4, 4))
     out[np.ix_((0, 2), (0, 2))] = one
     out[np.ix_((1, 3), (1, 3))] = one

@@ -118,6 +118,7 @@ class TagFinder:
     """Finds an object that bears a cube of tags."""
 
     decoding = cv2.IMREAD_GRAYSCALE
+    kind: tuple[object, ...] = (np.dtype(np.uint8),)
 
     def __init__(self, config: TrackerConfig) -> None:
         self._finder = finder(config.dictionary)
@@ -146,6 +147,7 @@ class AppearanceFinder:
     """Finds an object without tags, because it looks other than the floor, which it learns where the laser passes."""
 
     decoding = cv2.IMREAD_COLOR
+    kind: tuple[object, ...] = (3, np.dtype(np.uint8))
 
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config
@@ -195,6 +197,7 @@ class DepthFinder:
     """Finds an object without tags in a picture of depths."""
 
     decoding = cv2.IMREAD_UNCHANGED
+    kind: tuple[object, ...] = (np.dtype(np.uint16),)
 
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config

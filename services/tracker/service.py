@@ -31,8 +31,10 @@ from services.tracker.outline import lines
 
 Array = NDArray[np.float64]
 
-_REMEMBERED = 1.0
-"""s of robot poses"""
+_REMEMBERED = 2.5
+"""s of the robot's poses: cameras are late by up to 2 s"""
+_EARLIER = 0.1
+"""s that a picture may be older than the first pose: as good as of the same time"""
 _PERIOD = 0.1
 _SILENT = 0.3
 """s without a picture after which the track goes on without"""
@@ -146,10 +148,15 @@ class TrackerService(Service):
         if camera is None or mount is None or not state.robots.stamps or stamp <= state.stamp:
             return
         picture = cv2.imdecode(np.frombuffer(image.data, np.uint8), self._finder.decoding) if image.data else None
-        if picture is None or picture.shape[:2] != (camera.height, camera.width):
+        expected = (camera.height, camera.width, *self._finder.kind)
+        if picture is None or (*picture.shape, picture.dtype) != expected:
             state.unreadable += 1
-            what = "unreadable" if picture is None else f"of {picture.shape[1]} x {picture.shape[0]} pixels"
-            yield self.say(f"picture {what}, expected {camera.width} x {camera.height}", now, "WARNING")
+            what = "unreadable" if picture is None else _kind(picture.shape, picture.dtype)
+            yield self.say(f"picture {what}, expected {_kind(expected[:-1], expected[-1])}", now, "WARNING")
+            return
+        if stamp < state.robots.stamps[0] - nanoseconds(_EARLIER):
+            state.unreadable += 1
+            yield self.say("picture too old to know where the robot was", now, "WARNING")
             return
         state.looked, state.stamp = now, stamp
         pose = state.robots.at(stamp)
@@ -160,7 +167,7 @@ class TrackerService(Service):
         seen = self._finder.find(picture, View(camera, mount, self._hint(pose), free, diameter), state.memory)
         if seen is not None:
             self._take(seen, pose, stamp)
-            yield self.annotations(lines(seen.outlines, image.timestamp))
+        yield self.annotations(lines([] if seen is None else seen.outlines, image.timestamp))
         if state.track is not None:
             yield self._say(state.track, stamp)
 
@@ -237,3 +244,9 @@ class TrackerService(Service):
         return np.asarray(
             start + np.column_stack([(reach * np.cos(bearing))[inside], (reach * np.sin(bearing))[inside]])
         )
+
+
+def _kind(shape: tuple[object, ...], of: object) -> str:
+    """Return in words what picture has this shape and is of these numbers."""
+    channels = f", {shape[2]} channels" if len(shape) > 2 else ""
+    return f"{shape[1]} x {shape[0]}{channels} of {of}"

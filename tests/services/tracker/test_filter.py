@@ -143,3 +143,23 @@ def test_the_diameter_is_the_mean_of_what_was_seen() -> None:
         track.correct(Reading(np.zeros(2), np.eye(2) * 1e-4, None, 0.0, diameter), CONFIG)
     assert track.diameter == pytest.approx(0.32)
     assert not track.oriented
+
+
+def test_readings_that_contradict_each_other_are_never_believed() -> None:
+    track = fed([(1.0, 0.0)] * 20)
+    for x, y in [(2.0, 0.0), (-3.0, 1.0), (0.0, 4.0), (5.0, 5.0), (-2.0, 2.0)]:
+        assert not track.correct(reading(x, y), CONFIG)
+    assert math.hypot(track.mean[0] - 1.0, track.mean[1]) < 0.01
+
+
+@pytest.mark.parametrize("robot", [FAR, np.array([0.7, 0.0])])
+def test_the_same_silence_means_the_same_however_often_it_is_looked_at(robot: np.ndarray) -> None:
+    found = []
+    for steps in (1, 2, 10, 50):
+        track = fed([(1.0, 0.0)] * 20)
+        start = track.stamp
+        for k in range(1, steps + 1):
+            track.predict(start + k * SECOND // steps, robot, 0.0, CONFIG)
+        found.append(track.covariance)
+    for one in found[1:]:
+        assert np.allclose(one, found[0], rtol=0.02)
