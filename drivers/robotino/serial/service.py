@@ -1,0 +1,308 @@
+"""The driver of a Robotino 3 or 4 over its serial link, in place of the manufacturer's controld3.
+
+The board is polled at 50 Hz, the speeds in the same frame. Any frame keeps its watchdog quiet, and it goes on with the
+last speeds for as long as it is polled; so the age of commands is this driver's affair (`drivers.robotino.gate`). What
+goes over the wire is messages: the service itself touches nothing, and is executed again from a recording.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+
+from drivers.robotino import infrared
+from drivers.robotino.faults import Faults
+from drivers.robotino.gate import STILL, Gate
+from drivers.robotino.kinematics import Twist, ramped
+from drivers.robotino.odometry import DeadReckoning, counted, wrapped
+from drivers.robotino.serial import tags
+from drivers.robotino.serial.config import SerialConfig
+from drivers.robotino.serial.framing import Decoder, encode
+from drivers.robotino.serial.tags import BadTag, Gyro, MotorReadings, Power, Tag
+from runtime import topics
+from runtime.messages import Alive, RangeArray, RobotStatus, SerialData, VelocityCommand
+from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
+from runtime.time import SECOND, Time
+
+_PERIOD = 0.02
+_ODOMETRY_EVERY, _RANGES_EVERY, _STATUS_EVERY = 2, 5, 10
+_ASK_AGAIN = SECOND // 2
+"""ns between two tries to start"""
+_SILENT = SECOND // 5
+"""ns without an answer after which the link counts as down: controld3's read time-out"""
+_START_AGAIN = 2 * SECOND
+"""ns without an answer after which the board is taken to be another one"""
+_GAP = SECOND // 10
+_SLACK_TICKS = 200
+_REFUSED = 10
+"""implausible readings in a row after which the encoders are taken to have begun anew"""
+
+Ticks = tuple[int, int, int]
+
+
+@dataclass
+class SerialState:
+    """What the driver goes on from.
+
+    Attributes:
+        decoder: of what comes in. started: the board has said its versions. asked: ns, when it was asked for them.
+        hardware, software: what it said.
+        heard: ns, of the last good frame; read: ns, of the last believed readings; None before.
+        silent: no answer comes. open: the line is there, as far as the wire says.
+        ticks: the encoders at the last believed readings; unbelieved: readings in a row that were not.
+        told: m/s and rad/s, what the board was told last.
+        gyro: the last angle; None without one.
+        polls, readings: so far.
+    """
+
+    decoder: Decoder = field(default_factory=Decoder)
+    gate: Gate = field(default_factory=Gate)
+    reckoning: DeadReckoning = field(default_factory=DeadReckoning)
+    faults: Faults = field(default_factory=Faults)
+    started: bool = False
+    asked: Time | None = None
+    hardware: str = ""
+    software: str = ""
+    heard: Time | None = None
+    read: Time | None = None
+    silent: bool = True
+    open: bool = True
+    ticks: Ticks | None = None
+    unbelieved: int = 0
+    told: Twist = STILL
+    gyro: float | None = None
+    bumper: bool = False
+    battery: float = 0.0
+    charging: bool = False
+    low: bool = False
+    polls: int = 0
+    readings: int = 0
+
+
+class RobotinoSerial(Service):
+    """Publishes what the base's sensors say, and tells its motors what a command wants while it is fresh."""
+
+    name = "robotino-serial"
+    Config = SerialConfig
+
+    command = Input(topics.COMMAND)
+    alive = Input(topics.ALIVE)
+    received = Input(topics.SERIAL_RECEIVED)
+    odometry = Output(topics.ODOMETRY)
+    ranges = Output(topics.RANGES)
+    status = Output(topics.STATUS)
+    sent = Output(topics.SERIAL_SENT)
+    poll = Timer(_PERIOD)
+
+    config: SerialConfig
+    state: SerialState
+
+    def __init__(self, config: SerialConfig) -> None:
+        super().__init__(config)
+        self.state = SerialState()
+
+    def finish(self, now: Time) -> Effects:
+        """Stop the motors: the last words."""
+        yield self._frame(tags.speeds(STILL), now)
+
+    @on(alive)
+    def call(self, alive: Alive, now: Time) -> Effects:
+        """Stop the base at once when the controller is gone."""
+        if self.state.gate.call(alive):
+            yield self._frame(self._speeds(now), now)
+            yield self.say("the controller is gone: base held", now, "WARNING")
+
+    @on(command)
+    def obey(self, command: VelocityCommand, now: Time) -> Effects:
+        """Take a command, unless it is too old. The next poll carries it."""
+        config = self.config
+        refused = self.state.gate.offer(command, now, config.deadline, config.limits, config.geometry)
+        if refused:
+            for line in self.state.faults.note("command", refused, now):
+                yield self.say(line, now, "WARNING")
+
+    @on(poll)
+    def ask(self, now: Time) -> Effects:
+        """Tell the speeds, and ask for readings; or for the versions of a board that has not said them."""
+        state = self.state
+        state.polls += 1
+        since = None if state.heard is None else now - state.heard
+        if not state.silent and (since is None or since > _SILENT):
+            state.silent = True
+            yield from self._fault("silent", f"no answer for {(since or 0) / SECOND:.2f} s", now)
+            yield self._status(now)
+        if since is not None and since > _START_AGAIN and state.started:
+            state.started = False
+        if not state.started:
+            state.told = STILL
+            if state.asked is None or now - state.asked >= _ASK_AGAIN:
+                state.asked = now
+                yield self._frame(self._start(), now)
+        else:
+            asked = [Tag.GET_ALL_MOTOR_READINGS, Tag.GET_DISTANCE_SENSORS, Tag.GET_BUMPER]
+            asked += [Tag.GET_GYRO_Z_ANGLE] if self.config.gyro else []
+            yield self._frame([*self._speeds(now), *tags.request(*asked)], now)
+        if state.polls % _STATUS_EVERY == 0:
+            yield self._status(now)
+
+    @on(received)
+    def hear(self, received: SerialData, now: Time) -> Effects:
+        """Take bytes from the line, or that it is gone or there again."""
+        state = self.state
+        if received.open != state.open:
+            state.open = received.open
+            state.decoder = Decoder()
+            if received.open:
+                state.asked, state.started = None, False
+                yield self.say("the serial line is there", now)
+            else:
+                yield from self._fault("line", received.fault or "closed", now)
+        for frame in state.decoder.feed(received.data):
+            if frame.fault:
+                yield from self._fault(frame.fault, frame.detail, now)
+                continue
+            try:
+                yield from self._take(tags.unpacked(frame.payload), now)
+            except BadTag as error:
+                yield from self._fault("tag", str(error), now)
+
+    def _take(self, found: list[tuple[int, bytes]], now: Time) -> Effects:
+        """Take the tags of a good frame: all are read before any is believed."""
+        state = self.state
+        said = {tag: data for tag, data in found if tag != Tag.ERROR}
+        for tag, data in found:
+            if tag == Tag.ERROR:
+                yield from self._fault("board", tags.text(data), now)
+        motors = tags.motor_readings(said[Tag.ALL_MOTOR_READINGS]) if Tag.ALL_MOTOR_READINGS in said else None
+        volts = tags.distance_volts(said[Tag.DISTANCE_SENSORS]) if Tag.DISTANCE_SENSORS in said else None
+        power = tags.power(said[Tag.POWER_SOURCE_READINGS]) if Tag.POWER_SOURCE_READINGS in said else None
+        gyro = tags.gyro(said[Tag.GYRO_Z_ANGLE]) if Tag.GYRO_Z_ANGLE in said else None
+        bumper = tags.flag(Tag.BUMPER, said[Tag.BUMPER]) if Tag.BUMPER in said else state.bumper
+        was_silent, state.heard, state.silent = state.silent, now, False
+        if Tag.HW_VERSION in said and Tag.SW_VERSION in said:
+            yield from self._met(tags.text(said[Tag.HW_VERSION]), tags.text(said[Tag.SW_VERSION]), now)
+        if power is not None:
+            self._note(power)
+        if motors is not None and state.started:
+            yield from self._moved(motors, gyro, now)
+            if volts is not None and state.readings % _RANGES_EVERY == 1:
+                yield self._ranges(volts, now)
+        if bumper != state.bumper or was_silent:
+            state.bumper = bumper
+            yield self._status(now)
+
+    def _met(self, hardware: str, software: str, now: Time) -> Effects:
+        state = self.state
+        if not state.started:
+            state.started, state.hardware, state.software = True, hardware, software
+            state.ticks, state.gyro = None, None
+            yield self.say(f"board {hardware}, firmware {software}", now)
+
+    def _moved(self, motors: MotorReadings, gyro: Gyro | None, now: Time) -> Effects:
+        """Go where the encoders say, unless no base could have gone there."""
+        state, config = self.state, self.config
+        ticks: Ticks = motors.ticks[:3]
+        if state.ticks is not None and state.read is not None:
+            before = state.ticks
+            gone = (counted(before[0], ticks[0]), counted(before[1], ticks[1]), counted(before[2], ticks[2]))
+            seconds = (now - state.read) / SECOND
+            most = 1.5 * config.geometry.max_rpm / 60.0 * config.geometry.ticks * seconds + _SLACK_TICKS
+            from_zero = seconds > _GAP / SECOND and max(map(abs, ticks)) <= most < max(map(abs, before))
+            if max(map(abs, gone)) > most or from_zero:
+                yield from self._unbelieved(ticks, gone, from_zero, now)
+                return
+            way = config.geometry.way(gone)
+            if gyro is not None:
+                turn = wrapped(gyro.angle - state.gyro) if state.gyro is not None else way[2]
+                way = (way[0], way[1], turn)
+            state.reckoning.go(way)
+        state.ticks, state.read, state.unbelieved = ticks, now, 0
+        state.gyro = None if gyro is None else gyro.angle
+        state.readings += 1
+        if state.readings % _ODOMETRY_EVERY == 1:
+            # Speeds of the spare motor are not the base's.
+            rpm = (float(motors.speeds[0]), float(motors.speeds[1]), float(motors.speeds[2]))
+            twist = config.geometry.twist(rpm)
+            yield self.odometry(state.reckoning.message(now, twist, state.gate.sensed(now)))
+
+    def _unbelieved(self, ticks: Ticks, gone: Ticks, from_zero: bool, now: Time) -> Effects:
+        state = self.state
+        state.unbelieved += 1
+        yield from self._fault("encoders", f"{gone} ticks since the last reading", now)
+        if from_zero or state.unbelieved >= _REFUSED:
+            # The board has begun anew; it has forgotten its settings too. What was driven meanwhile is lost.
+            state.ticks, state.read, state.unbelieved = ticks, now, 0
+            state.started, state.asked = False, None
+            yield self.say("the board has begun anew", now, "WARNING")
+
+    def _speeds(self, now: Time) -> list[tuple[int, bytes]]:
+        """Return the tags of the speeds of now.
+
+        The board's own ramp is six times as steep as `acceleration`, so ours is the one that shapes a motion; it is
+        left out where there is no command in force: a base that is to stop is to stop soon.
+        """
+        state, config = self.state, self.config
+        wish = state.gate.now(now)
+        if state.gate.until is None or state.silent:
+            state.told = STILL
+        else:
+            step = (config.acceleration * _PERIOD, config.angular_acceleration * _PERIOD)
+            state.told = ramped(state.told, wish, *step)
+        return tags.speeds(config.geometry.motors(state.told))
+
+    def _start(self) -> list[tuple[int, bytes]]:
+        """Return what a board is told and asked first: stand still, versions, ramps, and the emergency bumper."""
+        limit = self.config.ramp
+        ramps = [(int(Tag.SET_MOTOR_ACCEL_LIMITS), struct.pack("<Bff", motor, -limit, limit)) for motor in range(3)]
+        return [
+            *tags.speeds(STILL),
+            *tags.request(Tag.GET_HW_VERSION, Tag.GET_SW_VERSION),
+            *ramps,
+            tags.emergency_bumper(self.config.emergency_bumper),
+        ]
+
+    def _frame(self, content: list[tuple[int, bytes]], now: Time) -> Publication:
+        return self.sent(SerialData(stamp=now, data=encode(tags.packed(content)), open=True))
+
+    def _note(self, power: Power) -> None:
+        state = self.state
+        state.battery, state.charging, state.low = power.volts, power.external, power.low
+
+    def _ranges(self, volts: tuple[float, ...], now: Time) -> Publication:
+        return self.ranges(
+            RangeArray(
+                stamp=now,
+                bearing=infrared.bearings(),
+                distance=[infrared.metres(one) for one in volts],
+                ring_radius=infrared.RING_RADIUS,
+                minimum=infrared.NEAREST,
+                maximum=infrared.FARTHEST,
+            )
+        )
+
+    def _status(self, now: Time) -> Publication:
+        state, config = self.state, self.config
+        gate = state.gate
+        return self.status(
+            RobotStatus(
+                stamp=now,
+                bumper=state.bumper,
+                emergency_stop=state.bumper and config.emergency_bumper,
+                motors_enabled=state.started and not state.silent,
+                battery_voltage=state.battery,
+                charging=state.charging,
+                battery_low=state.low,
+                limits=config.limits,
+                diameter=config.diameter,
+                commands_accepted=gate.accepted,
+                commands_clamped=gate.clamped,
+                commands_refused=gate.refused,
+                commands_stale=gate.stale,
+                link_down=state.silent or not state.started,
+                faults=state.faults.messages(),
+            )
+        )
+
+    def _fault(self, kind: str, detail: str, now: Time) -> Effects:
+        for line in self.state.faults.note(kind, detail, now):
+            yield self.say(line, now, "WARNING")

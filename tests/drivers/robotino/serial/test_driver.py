@@ -1,0 +1,215 @@
+"""The driver against the double of the board: what it publishes, and what becomes of faults."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drivers.robotino import infrared
+from drivers.robotino.infrared import FARTHEST
+from drivers.robotino.kinematics import ROBOTINO_3_4
+from drivers.robotino.serial import tags
+from drivers.robotino.serial.board import Board
+from drivers.robotino.serial.config import SerialConfig
+from drivers.robotino.serial.framing import Decoder, encode
+from drivers.robotino.serial.service import RobotinoSerial
+from drivers.robotino.serial.tags import Tag
+from runtime.messages import Alive, SerialData
+from runtime.time import SECOND
+from tests.drivers.robotino.serial.rig import Rig, noisy
+
+AROUND = (0.2, 0.1, 0.4)
+
+
+def driven(seconds: float = 2.0, wish: tuple[float, float, float] = AROUND, **values: object) -> Rig:
+    rig = Rig(**values)  # type: ignore[arg-type]
+    rig.run(0.2)
+    rig.wish = wish
+    rig.run(seconds)
+    return rig
+
+
+def fault(rig: Rig, kind: str) -> int:
+    return rig.service.state.faults.counts.get(kind, 0)
+
+
+def test_a_command_is_followed_and_the_odometry_is_where_the_base_is() -> None:
+    rig = driven(4.0)
+    assert rig.plant.twist == pytest.approx(AROUND, abs=0.002), "whole rpm"
+    # A tick is 3 micrometres of way; what is left is the arcs between whole ticks.
+    assert rig.worst() < 1e-4
+    last, there = rig.odometry[-1]
+    assert last.pose.theta == pytest.approx(there[2], abs=1e-4)
+    assert (last.twist.vx, last.twist.vy, last.twist.omega) == pytest.approx(AROUND, abs=0.002)
+    assert [one.driver_sequence for one, _ in rig.odometry] == list(range(1, len(rig.odometry) + 1))
+    rates = len(rig.odometry) / 4.2
+    assert 24 <= rates <= 26
+    assert last.covariance[0] > 0 and last.covariance[8] > 0
+
+
+def test_its_motion_is_ramped_and_its_course_does_not_bend() -> None:
+    rig = driven(0.5, (0.3, 0.3, 0.0))
+    sent = [
+        {data[0]: int.from_bytes(data[1:3], "little", signed=True) for tag, data in found if tag == Tag.SET_MOTOR_SPEED}
+        for found in (tags.unpacked(Decoder().feed(frame)[0].payload) for frame in rig.sent)
+    ]
+    twists = [ROBOTINO_3_4.twist((one[0], one[1], one[2])) for one in sent if one]
+    speeds = np.array([np.hypot(vx, vy) for vx, vy, _ in twists])
+    assert np.diff(speeds).max() <= 0.4 * 0.02 + 4e-4
+    moving = [one for one in twists if np.hypot(*one[:2]) > 0.05]
+    assert all(abs(vx - vy) < 1e-3 for vx, vy, _ in moving)
+
+
+def test_ranges_are_the_tables_metres() -> None:
+    rig = Rig()
+    rig.plant.distances = (0.1, FARTHEST, 0.25, *[FARTHEST] * 6)
+    rig.run(1.0)
+    assert 8 <= len(rig.ranges) <= 11
+    assert list(rig.ranges[-1].distance) == pytest.approx(rig.plant.distances, abs=1e-6)
+    assert list(rig.ranges[-1].bearing) == infrared.bearings()
+
+
+def test_the_start_up_says_versions_and_turns_the_emergency_bumper_on() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    assert rig.board.stops and rig.board.limit[:3] == [11500.0] * 3
+    assert any("board 3.0.0, firmware 1.2.3" in one for one in rig.said)
+    assert not rig.statuses or not rig.statuses[-1].link_down
+    rig = Rig(config=SerialConfig(emergency_bumper=False))
+    rig.run(0.1)
+    assert not rig.board.stops
+
+
+def test_a_command_that_is_not_renewed_stops_the_base() -> None:
+    rig = driven()
+    rig.wish, since = None, rig.now
+    rig.run(1.0)
+    # 0.2 s of the command, a poll, and the board's ramp from 0.28 m/s and 0.4 rad/s.
+    assert 0.1 < rig.moving_after(since) < 0.2 + 0.05 + 0.2
+    assert rig.service.state.gate.stale == 1
+
+
+def test_a_driver_that_hangs_is_stopped_by_the_board() -> None:
+    rig = driven()
+    rig.hung, since = True, rig.now
+    rig.run(1.0)
+    assert 0.3 < rig.moving_after(since) <= 0.5
+    rig.hung = False
+    rig.run(1.5)
+    assert rig.plant.twist == pytest.approx(AROUND, abs=0.002), "and goes on"
+    assert rig.worst() < 1e-3
+
+
+def test_a_base_whose_controller_goes_stops_at_once() -> None:
+    rig = driven()
+    rig.wish, since = None, rig.now
+    rig.take(rig.service.call(Alive(nodes=["task"]), rig.now))
+    rig.run(0.5)
+    assert rig.moving_after(since) < 0.2
+
+
+def test_a_line_that_is_unplugged_and_plugged_again() -> None:
+    rig = driven()
+    since = rig.now
+    rig.plug(False)
+    rig.run(1.0)
+    assert rig.moving_after(since) <= 0.5
+    assert rig.statuses[-1].link_down and not rig.statuses[-1].motors_enabled
+    assert fault(rig, "line") == 1
+    count = len(rig.odometry)
+    rig.plug(True)
+    rig.run(2.0)
+    assert not rig.statuses[-1].link_down
+    assert len(rig.odometry) > count + 20
+    assert rig.plant.twist == pytest.approx(AROUND, abs=0.002)
+    # It coasted out of sight of us, but its encoders counted on.
+    assert rig.worst() < 1e-3 or rig.odometry[-1][0].pose.x > 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bytes_lost_put_in_and_flipped(seed: int) -> None:
+    """1 in 1,000 of each, both ways, over 10 s: what is published is where the base is, and it keeps moving."""
+    generator = np.random.Generator(np.random.PCG64(seed))
+    rig = driven(0.0)
+    rig.down, rig.up = noisy(generator, 1e-3), noisy(generator, 1e-3)
+    rig.plant.distances, before = (0.1, 0.2, 0.3, *[FARTHEST] * 6), len(rig.ranges)
+    rig.run(10.0)
+    assert rig.worst() < 1e-3
+    for one in rig.ranges[before:]:
+        assert list(one.distance) == pytest.approx(rig.plant.distances, abs=1e-6)
+    assert fault(rig, "checksum") + fault(rig, "broken off") + fault(rig, "board") > 3
+    assert not any(one.bumper for one in rig.statuses)
+    assert all(one.battery_voltage == pytest.approx(24.0) for one in rig.statuses[2:])
+    assert rig.plant.twist == pytest.approx(AROUND, abs=0.01)
+    moving = [speed > 0.1 for at, speed in rig.speeds if at > 2 * SECOND]
+    assert np.mean(moving) > 0.95
+
+
+def test_a_board_that_is_reset() -> None:
+    rig = driven()
+    rig.board.reset()
+    since, before = rig.now, rig.odometry[-1][0]
+    rig.run(0.3)
+    assert rig.moving_after(since) > 0.0
+    rig.run(2.0)
+    assert fault(rig, "encoders") > 0
+    assert rig.board.stops, "its settings are told again"
+    assert rig.plant.twist == pytest.approx(AROUND, abs=0.002)
+    steps = [one for one, _ in rig.odometry if one.driver_sequence >= before.driver_sequence]
+    # Odometry never jumps: at 0.23 m/s and 25 Hz it goes on by less than 4 cm at a time.
+    for a, b in zip(steps[:-1], steps[1:], strict=True):
+        seconds = (b.stamp - a.stamp) / SECOND
+        assert np.hypot(b.pose.x - a.pose.x, b.pose.y - a.pose.y) < 0.3 * seconds + 0.01
+
+
+def test_a_pressed_bumper_stops_the_base_by_the_board_alone() -> None:
+    rig = driven()
+    rig.plant.bumper, since = True, rig.now
+    rig.run(0.5)
+    assert rig.moving_after(since) < 0.01
+    assert rig.statuses[-1].bumper and rig.statuses[-1].emergency_stop
+    rig.plant.bumper = False
+    rig.run(1.5)
+    assert rig.plant.twist == (0.0, 0.0, 0.0), "for 2 s after it is released"
+    rig.run(2.0)
+    assert rig.plant.twist == pytest.approx(AROUND, abs=0.002)
+
+
+def test_speeds_stay_with_a_board_that_is_only_polled() -> None:
+    """The board latches: so without the driver's own deadline the base would go on for ever."""
+    rig = driven()
+    poll = encode(tags.packed(tags.request(Tag.GET_BUMPER)))
+    rig.hung = True
+    for _ in range(100):
+        rig.run(0.02)
+        rig.board.receive(poll, rig.plant)
+    assert rig.plant.twist == pytest.approx(AROUND, abs=0.002)
+
+
+def test_the_last_words_are_zero() -> None:
+    rig = driven()
+    rig.take(rig.service.finish(rig.now))
+    rig.hung, since = True, rig.now
+    rig.run(0.3)
+    assert rig.moving_after(since) < 0.2
+
+
+def test_a_board_with_a_gyro_turns_by_it() -> None:
+    rig = driven(3.0, (0.0, 0.0, 1.0), config=SerialConfig(gyro=True), board=Board(gyro=True))
+    last, there = rig.odometry[-1]
+    assert last.pose.theta == pytest.approx(there[2], abs=1e-3)
+
+
+def test_a_restored_driver_goes_on_alike_to_the_byte() -> None:
+    rig = driven()
+    other = RobotinoSerial(rig.config)
+    other.restore(rig.service.snapshot(), {})
+    answer = rig.board.receive(encode(tags.packed(tags.request(Tag.GET_ALL_MOTOR_READINGS))), rig.plant)
+    rig.board.receive(b"", rig.plant)
+
+    def work(service: RobotinoSerial) -> list[bytes]:
+        made = [*service.ask(rig.now), *service.hear(SerialData(data=answer, open=True), rig.now + 1)]
+        return [one.message.SerializeToString() for one in made]  # type: ignore[union-attr]
+
+    assert work(rig.service) == work(other)
+    assert rig.service.snapshot() == other.snapshot()
