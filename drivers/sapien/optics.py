@@ -33,7 +33,7 @@ class CameraModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     y: Metres = 0.0
     z: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 1.0
     yaw: Angle = 0.0
-    pitch: Angle = math.radians(48)
+    pitch: Angle = math.radians(54)
     roll: Angle = 0.0
     field: Annotated[float, msgspec.Meta(gt=0.1, lt=2.8)] = math.radians(76)
     width: Annotated[int, msgspec.Meta(ge=32, le=4096)] = 640

@@ -100,10 +100,16 @@ def _room(d_r: float, d_o: float, weight: float, cap: float) -> Room:
 def _roomiest(
     clearance: Clearance, o: Array, g: Array, room: Room, spare: float, doubtful: NDArray[np.bool_] | None
 ) -> Array:
-    """Return the path with `spare` m more clearance than needed, or where there is none, without."""
+    """Return the path with `spare` m more clearance than needed, or where there is none, without.
+
+    If there is none then, one through what is as much too tight as a map of sensors may be off.
+    """
     if spare > 0.0:
+        for more in (spare, 0.0):
+            with suppress(PlanningError):
+                return _cheapest(clearance, o, g, room.with_spare(more), doubtful)
         with suppress(PlanningError):
-            return _cheapest(clearance, o, g, room.with_spare(spare), doubtful)
+            return _cheapest(clearance, o, g, room.with_spare(-STANDING), doubtful)
     return _cheapest(clearance, o, g, room, doubtful)
 
 
@@ -142,7 +148,9 @@ def _lead_in(clearance: Clearance, r: Array, o: Array, d_r: float, weight: float
         try:
             return find(clearance, r, o, room)
         except GoalBlocked:
-            # An object beside a wall: the end may be tight then, and not the start.
-            return find(clearance, o, r, room)[::-1]
+            # An object beside a wall: the end may be tight then, and not the start; or both, by what a map may be off.
+            with suppress(GoalBlocked):
+                return find(clearance, o, r, room)[::-1]
+            return find(clearance, o, r, room.with_spare(-STANDING))[::-1]
     except PlanningError as error:
         raise type(error)(f"from the robot to the object: {error}") from error

@@ -1,7 +1,7 @@
 """A double of the microcontroller of Robotino 3 and 4: what comes over its serial line, and what it answers.
 
 By the facts of the firmware 1.2.3 (reference 2.2 to 2.6). It is given bytes and the time, and drives a `Plant`; it
-reads no clock. What is left out: PID settings, CAN, pins of the chargers, the bootloader; these tags get "not implemented".
+reads no clock. PID settings, CAN, pins of the chargers and the bootloader are left out: "not implemented".
 """
 
 from __future__ import annotations

@@ -168,6 +168,17 @@ def test_a_wall_beside_the_object_is_no_part_of_it_on_a_map_without_it() -> None
     assert at_wall[:, 1].min() > 2.6
 
 
+def test_a_robot_and_an_object_that_both_stand_a_little_too_tight_can_go_on() -> None:
+    """Both 0.2 m from a wall that a map has too thick: the robot touches nothing where it stands, and is inside."""
+    cells = floor(4.0, 4.0)
+    cells[rows(0.0, 0.8), 8:30] = OCCUPIED
+    r, o, g = np.array([0.7, 1.0]), np.array([1.2, 0.98]), np.array([3.2, 2.05])
+    built = build(cells, RESOLUTION, np.zeros(2), r, o, g, D_R, D_O, spare=0.1, apart=True)
+    assert built.field.value(*r) >= 0.04
+    assert built.field.value(*o) >= 0.04
+    assert built.path[0] == pytest.approx(r) and built.path[-1] == pytest.approx(g)
+
+
 def test_an_object_in_a_wall_cannot_begin() -> None:
     cells = floor(4.0, 4.0)
     cells[rows(0.5, 2.6), 20:28] = OCCUPIED

@@ -225,7 +225,7 @@ def test_an_object_that_was_taken_for_the_room_leaves_the_map_when_it_is_seen() 
     for _ in range(20):
         found.to(START)
     assert not occupied_near(found.maps[-1], OBJECT, 0.25)
-    elsewhere = OBJECT + (0.7, 0.3)
+    elsewhere = OBJECT + np.array([0.7, 0.3])
     found.seen, found.walls = Visibility.LOST, np.concatenate([WALLS, square(*elsewhere, DIAMETER / math.sqrt(2.0))])
     for _ in range(40):
         found.to(START)
@@ -255,7 +255,7 @@ def test_without_scans_the_robot_says_that_it_knows_less() -> None:
         found.to(START)
     found.blind = True
     for k in range(1, 200):
-        found.to(START + (0.01 * k, 0.0, 0.0))
+        found.to(START + np.array([0.01 * k, 0.0, 0.0]))
     first, last = (np.array(found.poses[k].covariance).reshape(3, 3) for k in (19, -1))
     assert last[0, 0] > 25 * first[0, 0] and last[1, 1] > 25 * first[1, 1] and last[2, 2] > 25 * first[2, 2]
     assert np.allclose(last, last.T) and np.linalg.eigvalsh(last).min() > 0.0
