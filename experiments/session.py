@@ -14,6 +14,7 @@ from msgspec import Meta
 
 from drivers.sapien import objects, scene, variants
 from drivers.sapien.base import BaseModel
+from drivers.sapien.config import SapienConfig
 from drivers.sapien.occupancy import rasterise
 from experiments.dynamic import changing
 from runtime import registry
@@ -36,12 +37,16 @@ if TYPE_CHECKING:
     from runtime.lockstep.run import Spread
 
 _SKILL = ("corridor", "strategy", "learner", "controller", "task")
-SYSTEMS = {
-    "truth": ("driver", "perception", *_SKILL),
-    "sensors": ("driver", "camera", "mapping", "tracker", *_SKILL),
+_SENSES = {"truth": ("perception",), "sensors": ("camera", "mapping", "tracker")}
+BASES = {
+    "direct": ("driver",),
+    "serial": ("emulated-serial", "robotino-serial"),
+    "rest": ("emulated-rest", "robotino-rest"),
 }
-"""The services of a session by its perception, in scheduling order: it breaks ties between timers."""
-NODES = SYSTEMS["truth"]
+"""The nodes of the base by what lies between it and its driver; the first of them holds the simulated world."""
+SYSTEMS = {(sense, link): (*base, *_SENSES[sense], *_SKILL) for sense in _SENSES for link, base in BASES.items()}
+"""The services of a session by perception and link, in scheduling order: it breaks ties between timers."""
+NODES = SYSTEMS["truth", "direct"]
 
 _ON_OWN_MAP = {"unknown": "free", "apart": True, "spare": 0.1, "steady": True, "threshold": 0.1}
 """Settings of corridor for maps of sensors: they grow, are off by centimetres, and leave out object and robot."""
@@ -92,6 +97,10 @@ class SimConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             "with noise and delay"
         ),
     ] = "truth"
+    link: Annotated[
+        Literal["direct", "serial", "rest"],
+        Meta(description="what lies between the simulated base and its driver: nothing, or a Robotino's own interface"),
+    ] = "direct"
     map: Annotated[
         str,
         Meta(
@@ -119,7 +128,14 @@ class Session:
     @property
     def nodes(self) -> tuple[str, ...]:
         """Return the names of the services, in scheduling order."""
-        return SYSTEMS[self.sim.perception]
+        return SYSTEMS[self.sim.perception, self.sim.link]
+
+    @property
+    def world(self) -> SapienConfig:
+        """Return the section of the node that holds the simulated world."""
+        found = self.effective.sections[self.nodes[0]]
+        assert isinstance(found, SapienConfig)
+        return found
 
     def services(self) -> list[Service]:
         """Return the services, freshly built, in scheduling order."""
@@ -166,10 +182,10 @@ def prepare(layers: Sequence[Layer]) -> Session:
             raise ConfigError(f"{origin}: sim.{key}: no {key} is called '{name}'; expected one of {', '.join(known)}")
     drawn, place = _draw(found)
     whole = effective(kinds(), [drawn, *layers])
-    nodes = SYSTEMS[found.perception]
+    nodes = SYSTEMS[found.perception, found.link]
     unused = {name for names in SYSTEMS.values() for name in names} - set(nodes)
     whole = Effective({name: one for name, one in whole.sections.items() if name not in unused}, whole.origins)
-    _of_one_world(whole, nodes[1], drawn.origin)
+    _of_one_world(whole, nodes[0], nodes[len(BASES[found.link])], drawn.origin)
     x, y = found.goal or (place.x, place.y)
     goal = PushGoal(
         position=Vector2(x=x, y=y),
@@ -199,12 +215,12 @@ def _known(name: str, room: scene.Scene) -> object:
     return msgspec.to_builtins(KnownMap.of(*maps.read(Path(name))))
 
 
-def _of_one_world(whole: Effective, other: str, drawn: str) -> None:
+def _of_one_world(whole: Effective, world: str, other: str, drawn: str) -> None:
     """Refuse a configuration in which the driver and what stands in for eyes have another scene."""
-    scenes = [msgspec.to_builtins(whole.sections[name])["scene"] for name in ("driver", other)]
+    scenes = [msgspec.to_builtins(whole.sections[name])["scene"] for name in (world, other)]
     if scenes[0] != scenes[1]:
         origin = next((origin for key, origin in whole.origins.items() if ".scene." in key and origin != drawn), "")
-        raise ConfigError(f"{origin}: driver.scene and {other}.scene differ: the map would not be of this world")
+        raise ConfigError(f"{origin}: {world}.scene and {other}.scene differ: the map would not be of this world")
 
 
 def run(
@@ -254,13 +270,14 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
         room = changing(room, body, BaseModel().diameter, sim.seed)
     if sim.depth:
         room = msgspec.structs.replace(room, camera=msgspec.structs.replace(room.camera, depth=True))
+    world = {
+        "seed": words[1],
+        "scene": msgspec.to_builtins(room),
+        "body": msgspec.to_builtins(body),
+        "base": msgspec.to_builtins(BaseModel()),
+    }
     values = {
-        "driver": {
-            "seed": words[1],
-            "scene": msgspec.to_builtins(room),
-            "body": msgspec.to_builtins(body),
-            "base": msgspec.to_builtins(BaseModel()),
-        },
+        **{base[0]: world for base in BASES.values()},
         "perception": {
             "seed": words[2],
             "scene": msgspec.to_builtins(room),

@@ -85,13 +85,12 @@ def show(
 def summary(session: Session, result: PushResult, took: float, record: Path | None) -> dict[str, object]:
     """Return the figures of a push by name, in m and s."""
     status = result.status
-    driver = session.effective.sections["driver"]
     return {
         "outcome": PushOutcome.Name(status.outcome).lower(),
         "cause": FailureCause.Name(status.cause).lower(),
         "reason": status.reason,
         "scene": session.sim.scene,
-        "object": driver.body.name,  # type: ignore[attr-defined]
+        "object": session.world.body.name,
         "strategy": session.goal.strategy or session.effective.sections["task"].strategy,  # type: ignore[attr-defined]
         "controller": session.goal.controller or session.effective.sections["task"].controller,  # type: ignore[attr-defined]
         "seed": session.sim.seed,

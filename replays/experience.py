@@ -92,7 +92,8 @@ def learned(recording: Recording, name: str = "") -> Known:
     if not seen.HasField("yaw"):
         raise NoExperience(f"{path}: the tracker saw no yaw, so nobody could know again which way round the object is")
     contour, spread = plausible(np.array(response.contour), square(response.spread), base.diameter, seen.diameter)
-    body = recording.config["sections"].get("driver", {}).get("body", {})
+    sections = recording.config["sections"].values()
+    body: dict[str, object] = next((one["body"] for one in sections if "body" in one), {})
     try:
         return Known(
             object=name or str(body.get("name", "")),

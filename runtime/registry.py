@@ -13,6 +13,10 @@ from runtime.service import Service
 
 SERVICES: dict[str, str] = {
     "driver": "drivers.sapien.service:SapienDriver",
+    "emulated-serial": "drivers.sapien.emulated_serial:EmulatedSerial",
+    "robotino-serial": "drivers.robotino.serial.service:RobotinoSerial",
+    "emulated-rest": "drivers.sapien.emulated_rest:EmulatedRest",
+    "robotino-rest": "drivers.robotino.rest.service:RobotinoRest",
     "perception": "drivers.sapien.perception:TruthPerception",
     "camera": "drivers.sapien.camera:SapienCamera",
     "mapping": "services.mapping.service:MappingService",

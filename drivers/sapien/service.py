@@ -5,24 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
+from drivers.sapien import publish
 from drivers.sapien.config import SapienConfig
 from drivers.sapien.odometry import DriftingOdometry, OdometryState
 from drivers.sapien.rays import Outlines, Rooms, outlines
-from drivers.sapien.sensors import laser_scan, ring_ranges
+from drivers.sapien.sensors import ring_ranges
 from drivers.sapien.world import SUBSTEP, World, WorldState
 from runtime import topics
 from runtime.messages import (
     Alive,
-    LaserScan,
     MotionLimits,
     Odometry,
     Pose2,
     RangeArray,
     RobotStatus,
-    Truth,
     Twist2,
     VelocityCommand,
 )
@@ -145,12 +143,13 @@ class SapienDriver(Service):
         state.stamps = [*state.stamps[-_REMEMBERED + 1 :], now]
         pose = world.robot_pose
         bumped = world.robot_hit
-        yield self._truth(now)
+        yield self.truth(publish.truth(world, state.sequence, now))
         yield self._odometry_message(pose, now)
         seen = self._outlines()
         yield self._ranges(pose, seen, now)
         if state.sequence % _SCAN_EVERY == 1:
-            yield self._scan(pose, seen, now)
+            noise = self.config.scene.noise.scan
+            yield self.scan(publish.scan(self.config.laser, pose, seen, noise, state.generator, now))
         if state.sequence % _STATUS_EVERY == 1 or bumped != state.bumper:
             state.bumper = bumped
             yield self._status(now)
@@ -208,20 +207,6 @@ class SapienDriver(Service):
             )
         )
 
-    def _scan(self, pose: NDArray[np.float64], seen: Outlines, now: Time) -> Publication:
-        laser = self.config.laser
-        ranges = laser_scan(laser, pose, seen, self.config.scene.noise.scan, self.state.generator)
-        message = LaserScan(
-            timestamp=Timestamp(seconds=now // SECOND, nanos=now % SECOND),
-            frame_id="base",
-            start_angle=laser.yaw - laser.field / 2,
-            end_angle=laser.yaw + laser.field / 2,
-            ranges=ranges.tolist(),
-        )
-        message.pose.position.x, message.pose.position.y = laser.x, laser.y
-        message.pose.orientation.w = 1.0
-        return self.scan(message)
-
     def _ranges(self, pose: NDArray[np.float64], seen: Outlines, now: Time) -> Publication:
         ring = self.config.ring
         distance = ring_ranges(ring, pose, seen, self.config.scene.noise.ranges, self.state.generator)
@@ -255,23 +240,5 @@ class SapienDriver(Service):
                 commands_accepted=state.accepted,
                 commands_clamped=state.clamped,
                 commands_stale=state.stale,
-            )
-        )
-
-    def _truth(self, now: Time) -> Publication:
-        world = self._world
-        robot, thing = world.robot_pose, world.object_pose
-        robot_twist, thing_twist = world.robot_twist, world.object_twist
-        return self.truth(
-            Truth(
-                stamp=now,
-                robot=Pose2(x=robot[0], y=robot[1], theta=robot[2]),
-                robot_twist=Twist2(vx=robot_twist[0], vy=robot_twist[1], omega=robot_twist[2]),
-                object=Pose2(x=thing[0], y=thing[1], theta=thing[2]),
-                object_twist=Twist2(vx=thing_twist[0], vy=thing_twist[1], omega=thing_twist[2]),
-                touching=world.touching,
-                robot_hit=world.robot_hit,
-                object_hit=world.object_hit,
-                driver_sequence=self.state.sequence,
             )
         )

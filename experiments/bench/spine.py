@@ -114,7 +114,7 @@ def _parts(session: Session, file: Path, simulated: float) -> None:
 
 
 def _bare_physics(session: Session, simulated: float) -> None:
-    config: Any = session.effective.sections["driver"]
+    config: Any = session.world
     world = World(config.scene, config.body, config.base)
     world.command(0.3, 0.0, 0.0)
     for _ in range(round(simulated / 0.05)):

@@ -58,7 +58,7 @@ def follow(task: Task, layers: Sequence[Layer]) -> Push:
     """Run `task` and return what there is to draw."""
     session, judge, follower = session_of(task, layers), Judge(), _Follower()
     score = judge.score(session, run(session, sinks=[judge, follower]))
-    scene = session.effective.sections["driver"].scene  # type: ignore[attr-defined]
+    scene = session.world.scene
     return Push(
         task=task,
         scene=scene,

@@ -48,7 +48,7 @@ def test_every_registered_service_exists_under_its_name() -> None:
     assert {name: kind.name for name, kind in classes().items()} == {name: name for name in SERVICES}
 
 
-@pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
+@pytest.mark.parametrize("system", SYSTEMS.values(), ids=map(" over ".join, SYSTEMS))
 def test_every_topic_is_published_by_at_most_one_service_of_a_system(system: tuple[str, ...]) -> None:
     publishers: dict[str, list[str]] = {}
     for name in system:
@@ -58,7 +58,7 @@ def test_every_topic_is_published_by_at_most_one_service_of_a_system(system: tup
     assert set(publishers) <= set(TOPICS)
 
 
-@pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
+@pytest.mark.parametrize("system", SYSTEMS.values(), ids=map(" over ".join, SYSTEMS))
 def test_every_input_of_a_service_has_a_publisher_in_its_system(system: tuple[str, ...]) -> None:
     kinds = {name: service_class(name) for name in system}
     published = {topic for kind in kinds.values() for topic in kind.contract.outputs}

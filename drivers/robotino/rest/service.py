@@ -1,0 +1,290 @@
+"""The driver of a Robotino over its REST interface.
+
+The velocity is told 20 times a second; sensors are asked side by side, each at its own rate, one request of each at a
+time. Requests and answers are messages, so the service is executed again from a recording; `drivers.robotino.rest.wire`
+carries them. The base's own controld3 shapes what it is told, so there is no ramp here: two would double the delay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import cos, sin
+
+from drivers.robotino import infrared
+from drivers.robotino.faults import Faults
+from drivers.robotino.gate import STILL, Gate
+from drivers.robotino.odometry import DeadReckoning, wrapped
+from drivers.robotino.rest import shapes
+from drivers.robotino.rest.config import RestConfig
+from drivers.robotino.rest.shapes import BadShape, OdometryAnswer
+from runtime import topics
+from runtime.messages import (
+    Alive,
+    HttpAnswer,
+    HttpFault,
+    HttpRequest,
+    LaserScan,
+    RangeArray,
+    RobotStatus,
+    VelocityCommand,
+)
+from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
+from runtime.time import SECOND, Time, nanoseconds
+
+_PERIOD = 0.05
+DRIVE = "drive"
+OMNIDRIVE = "/data/omnidrive"
+SENSORS = {
+    "odometry": "/data/odometry",
+    "ranges": "/data/distancesensorarray",
+    "bumper": "/data/bumper",
+    "scan": "/data/scan0",
+    "power": "/data/powermanagement",
+}
+_LANES = {path: lane for lane, path in SENSORS.items()}
+_STATUS_EVERY = 4
+_STALE = SECOND // 4
+"""ns without new odometry after which the link counts as down: five of its publications"""
+_FASTEST, _JUMP = 3.0, 0.1
+"""m/s and m that odometry may go on from one to the next"""
+_PATIENCE = SECOND // 2
+"""ns more than its time-out after which a request counts as answered, whatever became of it"""
+
+
+@dataclass
+class RestState:
+    """What the driver goes on from.
+
+    Attributes:
+        asked: id and time, ns, of the request of each lane that waits for its answer.
+        due: ns, when each lane is to be asked again.
+        requests: so far; ticks: of the timer.
+        fresh: ns, of the last new odometry; None before. stale: none comes.
+        odometry: the last one, as the base said it; None before.
+    """
+
+    gate: Gate = field(default_factory=Gate)
+    reckoning: DeadReckoning = field(default_factory=DeadReckoning)
+    faults: Faults = field(default_factory=Faults)
+    asked: dict[str, tuple[int, int]] = field(default_factory=dict)
+    due: dict[str, int] = field(default_factory=dict)
+    requests: int = 0
+    ticks: int = 0
+    fresh: Time | None = None
+    stale: bool = True
+    sequence: int = 0
+    pose: tuple[float, float, float] | None = None
+    scanned: int = -1
+    bumper: bool = False
+    battery: float = 0.0
+    charging: bool = False
+    low: bool = False
+
+
+class RobotinoRest(Service):
+    """Publishes what the base's sensors say, and tells the base what a command wants while it is fresh."""
+
+    name = "robotino-rest"
+    Config = RestConfig
+
+    command = Input(topics.COMMAND)
+    alive = Input(topics.ALIVE)
+    answer = Input(topics.HTTP_ANSWER)
+    odometry = Output(topics.ODOMETRY)
+    scan = Output(topics.SCAN)
+    ranges = Output(topics.RANGES)
+    status = Output(topics.STATUS)
+    request = Output(topics.HTTP_REQUEST)
+    tick = Timer(_PERIOD)
+
+    config: RestConfig
+    state: RestState
+
+    def __init__(self, config: RestConfig) -> None:
+        super().__init__(config)
+        self.state = RestState()
+
+    def finish(self, now: Time) -> Effects:
+        """Stop the base: the last words."""
+        self.state.gate.hold()
+        yield self._drive(now)
+
+    @on(alive)
+    def call(self, alive: Alive, now: Time) -> Effects:
+        """Stop the base at once when the controller is gone."""
+        if self.state.gate.call(alive):
+            yield self._drive(now)
+            yield self.say("the controller is gone: base held", now, "WARNING")
+
+    @on(command)
+    def obey(self, command: VelocityCommand, now: Time) -> Effects:
+        """Take a command, unless it is too old. The next tick tells it."""
+        config = self.config
+        refused = self.state.gate.offer(command, now, config.deadline, config.limits, config.geometry)
+        if refused:
+            yield from self._fault("command", refused, now)
+
+    @on(tick)
+    def ask(self, now: Time) -> Effects:
+        """Tell the velocity, and ask the sensors that are due."""
+        state = self.state
+        state.ticks += 1
+        if not state.stale and state.fresh is not None and now - state.fresh > _STALE:
+            state.stale = True
+            yield from self._fault("stale", f"no new odometry for {(now - state.fresh) / SECOND:.2f} s", now)
+            yield self._status(now)
+        yield self._drive(now)
+        for lane, path in SENSORS.items():
+            rate = float(getattr(self.config, f"{lane}_rate"))
+            if rate > 0.0 and now >= state.due.get(lane, 0) and not self._waits(lane, now):
+                # Half a tick early is on time: else a rate of the timer's own would miss every other tick.
+                state.due[lane] = now + nanoseconds(1.0 / rate - 0.5 * _PERIOD)
+                yield self._ask(lane, "GET", path, b"", now)
+        if state.ticks % _STATUS_EVERY == 0:
+            yield self._status(now)
+
+    @on(answer)
+    def hear(self, answer: HttpAnswer, now: Time) -> Effects:
+        """Take an answer, or what became of a request."""
+        state = self.state
+        lane = _LANES.get(answer.path, DRIVE if answer.path == OMNIDRIVE else "")
+        if lane in state.asked and state.asked[lane][0] == answer.id:
+            del state.asked[lane]
+        elif lane != DRIVE:
+            return  # of a request that was given up, or of nobody's: too late to say what is so now
+        if answer.fault == HttpFault.HTTP_REPLACED:
+            return
+        if answer.fault != HttpFault.HTTP_OK:
+            kind = HttpFault.Name(answer.fault).removeprefix("HTTP_").lower()
+            yield from self._fault(kind, f"{answer.path}: {answer.reason}", now)
+        elif answer.status != 200:
+            yield from self._fault(f"status {answer.status}", f"{answer.path}: {answer.body[:80]!r}", now)
+        elif lane == DRIVE:
+            return
+        elif not answer.body.strip():
+            # Usual for a laser that is not there: counted, and no news.
+            yield from self._fault(f"no {lane}", f"{answer.path}: empty answer", now)
+        else:
+            try:
+                yield from self._take(lane, answer.body, now)
+            except BadShape as error:
+                yield from self._fault(f"{lane} shape", str(error), now)
+
+    def _take(self, lane: str, body: bytes, now: Time) -> Effects:
+        state = self.state
+        if lane == "odometry":
+            yield from self._moved(shapes.odometry(body), now)
+        elif lane == "ranges":
+            yield self._ranges(shapes.distances(body), now)
+        elif lane == "scan":
+            yield from self._scanned(shapes.scan(body), now)
+        elif lane == "bumper":
+            pressed = shapes.bumper(body)
+            if pressed != state.bumper:
+                state.bumper = pressed
+                if pressed:
+                    state.gate.hold()
+                    yield self._drive(now)
+                yield self._status(now)
+        else:
+            found = shapes.power(body)
+            state.battery, state.charging, state.low = found.voltage, found.external, found.low
+
+    def _moved(self, found: OdometryAnswer, now: Time) -> Effects:
+        """Go on by what is new. The base's odometry begins anew when somebody sets it; ours never jumps."""
+        state = self.state
+        if state.pose is not None and found.sequence == state.sequence:
+            return
+        seconds = 0.0 if state.fresh is None else (now - state.fresh) / SECOND
+        if state.pose is not None:
+            x, y, rot = state.pose
+            c, s = cos(rot), sin(rot)
+            dx, dy = found.pose[0] - x, found.pose[1] - y
+            turn = wrapped(found.pose[2] - rot)
+            if found.sequence < state.sequence or (dx * dx + dy * dy) ** 0.5 > _JUMP + _FASTEST * seconds:
+                yield from self._fault("odometry", f"{state.pose} and {found.pose}: it has begun anew", now)
+            else:
+                # The straight line between two readings, as an arc of this chord.
+                half = 0.5 * turn
+                longer = half / sin(half) if abs(half) > 1e-9 else 1.0
+                ahead, aside = longer * (c * dx + s * dy), longer * (-s * dx + c * dy)
+                ch, sh = cos(half), sin(half)
+                state.reckoning.go((ch * ahead + sh * aside, -sh * ahead + ch * aside, turn))
+        was_stale, state.stale = state.stale, False
+        state.pose, state.sequence, state.fresh = found.pose, found.sequence, now
+        yield self.odometry(state.reckoning.message(now, found.twist, state.gate.sensed(now)))
+        if was_stale:
+            yield self._status(now)
+
+    def _drive(self, now: Time) -> Publication:
+        """Return the request that tells the base how to move now."""
+        wish = self.state.gate.now(now)
+        return self._ask(DRIVE, "PUT", OMNIDRIVE, shapes.omnidrive(*(STILL if self.state.stale else wish)), now)
+
+    def _ask(self, lane: str, method: str, path: str, body: bytes, now: Time) -> Publication:
+        state = self.state
+        state.requests += 1
+        state.asked[lane] = (state.requests, now)
+        return self.request(
+            HttpRequest(
+                stamp=now, id=state.requests, lane=lane, method=method, path=path, body=body,
+                timeout=nanoseconds(self.config.timeout),
+            )
+        )  # fmt: skip
+
+    def _waits(self, lane: str, now: Time) -> bool:
+        asked = self.state.asked.get(lane)
+        return asked is not None and now - asked[1] < nanoseconds(self.config.timeout) + _PATIENCE
+
+    def _scanned(self, found: shapes.ScanAnswer, now: Time) -> Effects:
+        if found.sequence == self.state.scanned:
+            return  # the laser has nothing new
+        self.state.scanned = found.sequence
+        message = LaserScan(
+            frame_id="base",
+            start_angle=found.first + self.config.laser_yaw,
+            end_angle=found.last + self.config.laser_yaw,
+            ranges=[one if one > 0.0 else found.farthest for one in found.ranges],
+        )
+        message.timestamp.seconds, message.timestamp.nanos = divmod(now, SECOND)
+        message.pose.position.x, message.pose.position.y = self.config.laser_x, self.config.laser_y
+        message.pose.orientation.w = 1.0
+        yield self.scan(message)
+
+    def _ranges(self, distances: tuple[float, ...], now: Time) -> Publication:
+        return self.ranges(
+            RangeArray(
+                stamp=now,
+                bearing=infrared.bearings(),
+                distance=distances,
+                ring_radius=infrared.RING_RADIUS,
+                minimum=infrared.NEAREST,
+                maximum=infrared.FARTHEST,
+            )
+        )
+
+    def _status(self, now: Time) -> Publication:
+        state, config = self.state, self.config
+        gate = state.gate
+        return self.status(
+            RobotStatus(
+                stamp=now,
+                bumper=state.bumper,
+                motors_enabled=not state.stale,
+                battery_voltage=state.battery,
+                charging=state.charging,
+                battery_low=state.low,
+                limits=config.limits,
+                diameter=config.diameter,
+                commands_accepted=gate.accepted,
+                commands_clamped=gate.clamped,
+                commands_refused=gate.refused,
+                commands_stale=gate.stale,
+                link_down=state.stale,
+                faults=state.faults.messages(),
+            )
+        )
+
+    def _fault(self, kind: str, detail: str, now: Time) -> Effects:
+        for line in self.state.faults.note(kind, detail, now):
+            yield self.say(line, now, "WARNING")
