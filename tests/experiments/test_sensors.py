@@ -27,7 +27,7 @@ from tests.figures import Figures
 def test_a_push_from_sensors_is_near_the_truth_and_replays(sense: str, tmp_path: Path, figures: Figures) -> None:
     values = {"seed": 2, "time_limit": 3.0, "strategy": "predictive", "controller": "predictive"}
     session = prepare([Layer("test", {"sim": values}), Layer(sense, SENSES[sense])])
-    assert session.nodes == SYSTEMS["sensors"]
+    assert session.nodes == SYSTEMS["sensors", "direct"]
     watched, file = Watched(), tmp_path / "a.mcap"
     run(session, file, sinks=[watched])
     off = np.array(watched.object)
@@ -37,7 +37,7 @@ def test_a_push_from_sensors_is_near_the_truth_and_replays(sense: str, tmp_path:
     assert watched.said.get(Visibility.LOST, 0) == 0
     found = replay(load(file))
     assert found.identical, "\n".join(report.text(found))
-    assert [one.node for one in found.nodes] == list(SYSTEMS["sensors"])
+    assert [one.node for one in found.nodes] == list(SYSTEMS["sensors", "direct"])
 
 
 def test_watched_sets_each_message_beside_the_truth_of_its_time() -> None:

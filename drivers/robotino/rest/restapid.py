@@ -27,6 +27,7 @@ _MOTOR_TIMEOUT = 0.5
 """s without a velocity message after which controld3 sets the motors to zero, hard"""
 _PUBLISH = 0.05
 """s between two odometries"""
+_ROUNDING = 1e-6
 _SCAN = 0.1
 _CAMERA_DROPPED = 10.0
 """s without a request after which the camera is let go"""
@@ -95,8 +96,8 @@ class Restapid:
         # Each wheel by itself, so that the course bends at the limit: as controld3 does it.
         a, b, c = (min(max(one, -most), most) for one in motors)
         plant.drive(ROBOTINO_3_4.twist((a, b, c)))
-        if (self.publications + 1) * _PUBLISH <= now:
-            self.publications = int(now / _PUBLISH)
+        if (count := int(now / _PUBLISH + _ROUNDING)) > self.publications:
+            self.publications = count
             self.published = (*plant.pose, *plant.twist)
             self.sequence += 1
 

@@ -138,12 +138,13 @@ def scan(body: bytes) -> ScanAnswer:
         raise BadShape(f"ranges are {_short(ranges)}, expected a list of 2 to {_MOST_BEAMS}")
     if not (last > first and last - first <= 2.0 * pi + 1e-3 and 0.0 <= nearest < farthest <= 1000.0):
         raise BadShape(f"scan from {first} to {last} rad and {nearest} to {farthest} m, expected less before more")
-    if abs((last - first) - step * (len(ranges) - 1)) > 0.5 * abs(step):
+    # A real scan says as its last angle the one after its last beam: 441 beams, 441 steps (reference 1.2).
+    if step <= 0.0 or not -0.5 < (last - first) / step - (len(ranges) - 1) < 1.5:
         raise BadShape(f"{len(ranges)} beams of {step} rad from {first} to {last} rad: they do not fit")
     beams = _numbers(ranges, len(ranges), "ranges")
     if not all(0.0 <= one <= farthest + 1.0 for one in beams):
         raise BadShape(f"ranges from {min(beams)} to {max(beams)} m, expected 0 to {farthest}")
-    return ScanAnswer(int(sequence), first, last, nearest, farthest, tuple(beams))
+    return ScanAnswer(int(sequence), first, first + step * (len(ranges) - 1), nearest, farthest, tuple(beams))
 
 
 def versions(body: bytes) -> tuple[str, str]:
