@@ -88,6 +88,14 @@ def sim(
             "--map", metavar="FILE.yaml|plan", help="Begin with a map made before, or with the scene's floor plan."
         ),
     ] = "",
+    link: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="What lies between base and driver: direct, or a Robotino's own serial or rest.",
+            show_default="direct",
+        ),
+    ] = "",
     experience: ExperienceFile = None,
     config: ConfigFile = None,
     assignments: Assignments = None,
@@ -123,6 +131,7 @@ def sim(
         "--perception": ("perception", perception),
         "--tags": ("tagged", tags),
         "--map": ("map", map_),
+        "--link": ("link", link),
     }
     options = [Layer(flag, {"sim": {key: value}}) for flag, (key, value) in given.items() if value not in (None, "")]
     weakest = Layer("pushlane sim", {"sim": {"perception": "sensors"}})
