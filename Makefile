@@ -13,7 +13,7 @@ $(KERNELS): $(STAMP) $(shell find services drivers -name '*.py')
 	find services drivers -name '*.nb[ic]' -delete
 	touch $(KERNELS)
 
-.PHONY: all setup lock messages demo test test-all lint bench experiments goldens pictures clean
+.PHONY: all setup lock messages demo test test-all lint fuzz bench experiments goldens pictures clean
 
 setup: $(STAMP) $(KERNELS)
 
@@ -52,6 +52,10 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# A million inputs to each parser of a base's wire.
+fuzz: setup
+	$(BIN)/python -m experiments.fuzz
 
 bench: setup
 	$(BIN)/python -m experiments.bench
