@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from runtime.lockstep.run import Spread
 
 _LINE_EVERY: Time = 5_000_000_000
+_MOVED = 0.05
+"""m that the robot has gone when a push has begun: one that fails for want of a way after that is kept"""
 
 
 class NoPath(PushlaneError):
@@ -58,7 +60,7 @@ def run_shown(
         except PushlaneError:
             _discard(record)
             raise
-    if result.status.cause == FailureCause.NO_PATH:
+    if result.status.cause == FailureCause.NO_PATH and result.status.robot_path_length < _MOVED:
         _discard(record)
         raise NoPath(result.status.reason)
     return result, time.perf_counter() - started
