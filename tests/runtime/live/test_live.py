@@ -104,7 +104,7 @@ def test_a_service_that_dies_or_freezes_is_restarted_and_the_push_goes_on(
         assert system.ask_for_push().accepted
         for name in NODES:
             system.wait(lambda: system.status().phase == PushPhase.PUSHING, 30.0, f"pushing before {name} is hit")
-            time.sleep(1.0)
+            time.sleep(0.5)
             began = time.monotonic()
             os.kill(system.launcher.pids[name], number)
             system.wait(lambda name=name: system.launcher.restarts[name] == 1, 10.0, f"restart of {name}")  # type: ignore[misc]
