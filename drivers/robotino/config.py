@@ -8,6 +8,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from drivers.robotino.kinematics import ROBOTINO_3_4, Geometry
 from runtime.messages import MotionLimits
 
 
@@ -21,6 +22,11 @@ class BaseConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     lag: Annotated[float, Meta(ge=0, le=1, description="s, of its velocity behind that")] = 0.1
     diameter: Annotated[float, Meta(gt=0, le=2, description="m, d_r, of the circle around it")] = 0.46
     deadline: Annotated[float, Meta(gt=0.05, le=0.5, description="s, longest age of a command")] = 0.5
+
+    @property
+    def geometry(self) -> Geometry:
+        """Return the drive: that of Robotino 3 and 4, which have both links."""
+        return ROBOTINO_3_4
 
     @property
     def limits(self) -> MotionLimits:

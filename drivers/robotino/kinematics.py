@@ -48,9 +48,7 @@ class Geometry:
         Raises:
             NotFinite: a number is NaN or infinite.
         """
-        vx, vy, omega = twist
-        if not (isfinite(vx) and isfinite(vy) and isfinite(omega)):
-            raise NotFinite(f"motion {twist}, expected finite numbers")
+        vx, vy, omega = _finite("motion", twist)
         k, around = 60.0 * self.turns_per_metre, self.wheel_distance * omega
         return (
             k * (-_SIN60 * vx + 0.5 * vy + around),
@@ -64,9 +62,7 @@ class Geometry:
         Raises:
             NotFinite: a number is NaN or infinite.
         """
-        m1, m2, m3 = motors
-        if not (isfinite(m1) and isfinite(m2) and isfinite(m3)):
-            raise NotFinite(f"motor speeds {motors}, expected finite numbers")
+        m1, m2, m3 = _finite("motor speeds", motors)
         k = 60.0 * self.turns_per_metre
         return (
             (m3 - m1) / (2.0 * _SIN60 * k),
@@ -114,3 +110,9 @@ def ramped(now: Twist, wish: Twist, step: float, turn_step: float) -> Twist:
         wish[1] if share == 1.0 else now[1] + share * dy,
         wish[2] if abs(turn) <= turn_step else now[2] + (turn_step if turn > 0.0 else -turn_step),
     )
+
+
+def _finite(what: str, numbers: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not all(map(isfinite, numbers)):
+        raise NotFinite(f"{what} {numbers}, expected finite numbers")
+    return numbers

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, hypot, pi, sin
+from math import cos, hypot, sin
 
+from drivers.angles import wrap
 from drivers.robotino.kinematics import Twist
 from runtime.messages import Odometry, Pose2, Twist2
 from runtime.time import Time
@@ -43,7 +44,7 @@ class DeadReckoning:
         c, s = cos(self.theta), sin(self.theta)
         self.x += c * ahead - s * aside
         self.y += s * ahead + c * aside
-        self.theta = wrapped(self.theta + turn)
+        self.theta = wrap(self.theta + turn)
         self.travelled += hypot(dx, dy)
         self.turned += abs(turn)
 
@@ -64,10 +65,15 @@ class DeadReckoning:
         )
 
 
-def wrapped(angle: float) -> float:
-    """Return `angle`, rad, in (-pi, pi]."""
-    turns = (angle + pi) % (2.0 * pi) - pi
-    return pi if turns == -pi else turns
+def way(before: Twist, after: Twist) -> Twist:
+    """Return the way, m, m and rad, base frame, from one pose (x, y, theta) to another along an arc: `go` goes it."""
+    turn = wrap(after[2] - before[2])
+    half = 0.5 * turn
+    # The chord of the arc points half the turn ahead, and is shorter than it.
+    c, s = cos(before[2] + half), sin(before[2] + half)
+    longer = half / sin(half) if abs(half) > 1e-9 else 1.0
+    dx, dy = longer * (after[0] - before[0]), longer * (after[1] - before[1])
+    return c * dx + s * dy, -s * dx + c * dy, turn
 
 
 def counted(before: int, now: int) -> int:

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from drivers.robotino.rest.restapid import Restapid
 from drivers.sapien import publish
 from drivers.sapien.config import SapienConfig
-from drivers.sapien.plant import SLICE, PlantState, SapienPlant
-from drivers.sapien.world import SUBSTEP
+from drivers.sapien.plant import PlantState, SapienPlant
 from runtime import topics
-from runtime.messages import HttpAnswer, HttpRequest, Odometry
+from runtime.messages import HttpAnswer, HttpRequest
 from runtime.service import Effects, Input, Output, Service, Timer, on
 from runtime.time import Time
 
@@ -56,7 +55,7 @@ class EmulatedRest(Service):
     @on(request)
     def reply(self, request: HttpRequest, now: Time) -> Effects:
         """Let the server answer."""
-        self._advance(now)
+        self._plant.advance(now, self.state.server)
         found = self.state.server.handle(request.method, request.path, request.body, self._plant)
         yield self.answer(
             HttpAnswer(
@@ -68,14 +67,6 @@ class EmulatedRest(Service):
     @on(tick)
     def sense(self, now: Time) -> Effects:
         """Publish what is so."""
-        self._advance(now)
-        odometry: Odometry | None = self.odometry
-        yield self.truth(publish.truth(self._plant.world, 0 if odometry is None else odometry.driver_sequence, now))
-
-    def _advance(self, now: Time) -> None:
-        due = self._plant.due(now)
-        while due > 0:
-            count = min(SLICE, due)
-            self._plant.step(count)
-            self.state.server.advance(self._plant.world.substeps * SUBSTEP, self._plant)
-            due -= count
+        self._plant.advance(now, self.state.server)
+        sequence = 0 if self.odometry is None else self.odometry.driver_sequence
+        yield self.truth(publish.truth(self._plant.world, sequence, now))

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from drivers.robotino.serial.board import Board
+from drivers.robotino.serial.board import PIECE, Board
 from drivers.sapien import publish
 from drivers.sapien.config import SapienConfig
-from drivers.sapien.plant import SLICE, PlantState, SapienPlant
-from drivers.sapien.world import SUBSTEP
+from drivers.sapien.plant import PlantState, SapienPlant
 from runtime import topics
-from runtime.messages import Odometry, SerialData
+from runtime.messages import SerialData
 from runtime.service import Effects, Input, Output, Service, Timer, on
 from runtime.time import Time
 
 _PERIOD = 0.05
 _SCAN_EVERY = 2
-PIECE = 64
-"""bytes of a USB write"""
 
 
 @dataclass
@@ -61,7 +58,7 @@ class EmulatedSerial(Service):
     @on(sent)
     def answer(self, sent: SerialData, now: Time) -> Effects:
         """Give the board what the driver wrote, and publish what it answers, in the pieces of its USB writes."""
-        self._advance(now)
+        self._plant.advance(now, self.state.board)
         answer = self.state.board.receive(sent.data, self._plant)
         for at in range(0, len(answer), PIECE):
             yield self.received(SerialData(stamp=now, data=answer[at : at + PIECE], open=True))
@@ -69,19 +66,11 @@ class EmulatedSerial(Service):
     @on(tick)
     def sense(self, now: Time) -> Effects:
         """Publish what is so, and what the laser sees."""
-        self._advance(now)
+        self._plant.advance(now, self.state.board)
         self.state.ticks += 1
-        odometry: Odometry | None = self.odometry
-        yield self.truth(publish.truth(self._plant.world, 0 if odometry is None else odometry.driver_sequence, now))
+        sequence = 0 if self.odometry is None else self.odometry.driver_sequence
+        yield self.truth(publish.truth(self._plant.world, sequence, now))
         if self.state.ticks % _SCAN_EVERY == 1:
             plant, noise = self._plant, self.config.scene.noise.scan
             pose, generator = plant.world.robot_pose, plant.state.generator
             yield self.scan(publish.scan(self.config.laser, pose, plant.outlines, noise, generator, now))
-
-    def _advance(self, now: Time) -> None:
-        due = self._plant.due(now)
-        while due > 0:
-            count = min(SLICE, due)
-            self._plant.step(count)
-            self.state.board.advance(self._plant.world.substeps * SUBSTEP, self._plant)
-            due -= count

@@ -8,7 +8,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.sapien.angles import wrap
+from drivers.angles import wrap
+from drivers.sapien.scene import SensorNoise
 
 Vector = tuple[float, float, float]
 
@@ -36,6 +37,11 @@ class DriftingOdometry:
     def __init__(self, distance: float, turn: float, heading: float, start: NDArray[np.float64]) -> None:
         self._distance, self._turn, self._heading = distance, turn, heading
         self.state = OdometryState(true=_vector(start), reading=(0.0, 0.0, 0.0))
+
+    @classmethod
+    def of(cls, noise: SensorNoise, start: NDArray[np.float64]) -> DriftingOdometry:
+        """Return the odometry of a scene's noise, of a base that begins at `start`, (3,), map frame."""
+        return cls(noise.odometry_distance, noise.odometry_turn, noise.odometry_heading, start)
 
     def read(self, robot_pose: NDArray[np.float64], generator: np.random.Generator) -> NDArray[np.float64]:
         """Return the pose odometry shows now, (3,) x, y, theta, odom frame, m and rad, theta in (-pi, pi].

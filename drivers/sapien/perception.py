@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers.sapien.angles import wrap
+from drivers.angles import wrap
 from drivers.sapien.config import TruthPerceptionConfig
 from drivers.sapien.occupancy import rasterise
 from runtime import topics

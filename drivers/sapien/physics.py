@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.sapien.angles import wrap
+from drivers.angles import wrap
 from drivers.sapien.engine import physx, sapien
 from drivers.sapien.shapes import Box, Shape
 

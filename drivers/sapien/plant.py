@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import msgspec
 import numpy as np
 
 from drivers.robotino.kinematics import Twist
-from drivers.robotino.plant import LaserReading
+from drivers.robotino.plant import LaserReading, Plant
 from drivers.sapien.config import SapienConfig
 from drivers.sapien.odometry import DriftingOdometry, OdometryState
-from drivers.sapien.rays import Outlines, Rooms, outlines
+from drivers.sapien.rays import Outlines, Rooms
 from drivers.sapien.sensors import laser_scan, ring_ranges
 from drivers.sapien.world import SUBSTEP, World, WorldState
 from runtime.time import Time, nanoseconds
 
 _SUBSTEP: Time = nanoseconds(SUBSTEP)
-SLICE = 2
+_SLICE = 2
 """substeps between two looks at what the board wants"""
 # The board ramps; the world's base is only as slow behind it as its wheels' grip and their loop make it.
 _RAMP, _TURN_RAMP, _LAG = 3.0, 30.0, 0.04
@@ -37,6 +38,13 @@ class PlantState:
     odometry: OdometryState | None = None
 
 
+class Board(Protocol):
+    """The double of what drives a base."""
+
+    def advance(self, now: float, plant: Plant) -> None:
+        """Let time pass up to `now`, s, and tell the plant how its wheels are to turn from now on."""
+
+
 class SapienPlant:
     """A world with a base whose wheels a board turns; its odometry drifts as that of the direct driver."""
 
@@ -46,7 +54,7 @@ class SapienPlant:
         self._base = msgspec.structs.replace(base, acceleration=_RAMP, angular_acceleration=_TURN_RAMP, lag=_LAG)
         self.world = World(config.scene, config.body, self._base)
         self._rooms = Rooms(config.scene)
-        self._odometry = self._fresh()
+        self._odometry = DriftingOdometry.of(self._config.scene.noise, self.world.robot_pose)
         self.state = PlantState(np.random.Generator(np.random.PCG64(config.seed)))
 
     def freeze(self) -> None:
@@ -59,19 +67,20 @@ class SapienPlant:
         self.state = state
         self.world = World(self._config.scene, self._config.body, self._base)
         self.world.restore(state.world)
-        self._odometry = self._fresh()
+        self._odometry = DriftingOdometry.of(self._config.scene.noise, self.world.robot_pose)
         self._odometry.state = state.odometry
 
-    def due(self, now: Time) -> int:
-        """Return by how many substeps the world is behind `now`."""
+    def advance(self, now: Time, board: Board) -> None:
+        """Let the world come up to `now`, and the board in short steps with it."""
         if self.state.origin is None:
             self.state.origin = now
-        return int((now - self.state.origin) // _SUBSTEP - self.world.substeps)
-
-    def step(self, count: int) -> None:
-        """Let `count` substeps pass, and the encoders count."""
-        self.world.step(count)
-        self._odometry.read(self.world.robot_pose, self.state.generator)
+        due = (now - self.state.origin) // _SUBSTEP - self.world.substeps
+        while due > 0:
+            count = min(_SLICE, due)
+            self.world.step(count)
+            self._odometry.read(self.world.robot_pose, self.state.generator)
+            board.advance(self.world.substeps * SUBSTEP, self)
+            due -= count
 
     def drive(self, twist: Twist) -> None:
         """Let the wheels aim at this motion."""
@@ -85,17 +94,12 @@ class SapienPlant:
     @property
     def twist(self) -> Twist:
         """Return how the base moves, base frame."""
-        vx, vy, omega = (float(one) for one in self.world.robot_twist)
-        theta = float(self.world.robot_pose[2])
-        c, s = np.cos(theta), np.sin(theta)
-        return float(c * vx + s * vy), float(-s * vx + c * vy), omega
+        return self.world.robot_twist_base
 
     @property
     def outlines(self) -> Outlines:
         """Return what sensors can see."""
-        x, y, theta = (float(number) for number in self.world.object_pose)
-        thing = outlines(self._config.body.parts, (x, y, theta))
-        return self._rooms.at(self.world.seconds).joined(thing)
+        return self._rooms.around(self.world.seconds, self._config.body.parts, self.world.object_pose)
 
     @property
     def distances(self) -> tuple[float, ...]:
@@ -116,8 +120,3 @@ class SapienPlant:
         ranges = laser_scan(laser, self.world.robot_pose, self.outlines, noise, self.state.generator)
         shown = np.where(ranges < laser.maximum, ranges, 0.0)
         return LaserReading(-laser.field / 2, laser.field / 2, tuple(float(one) for one in shown))
-
-    def _fresh(self) -> DriftingOdometry:
-        noise = self._config.scene.noise
-        start = self.world.robot_pose
-        return DriftingOdometry(noise.odometry_distance, noise.odometry_turn, noise.odometry_heading, start)

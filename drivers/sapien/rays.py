@@ -51,6 +51,11 @@ class Rooms:
         """Return what stands there at `time`, s since the world began."""
         return self._outlines[bisect_right(self._moments, time)]
 
+    def around(self, time: float, parts: tuple[Shape, ...], pose: NDArray[np.float64]) -> Outlines:
+        """Return what a sensor can meet: what stands there, and an object of these parts at `pose`, (3,), map frame."""
+        x, y, theta = (float(number) for number in pose)
+        return self.at(time).joined(outlines(parts, (x, y, theta)))
+
 
 @njit("f8[::1](f8[:, ::1], f8[::1], f8, f8[:, ::1], f8[:, ::1])", cache=True)
 def cast(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.sapien import publish
 from drivers.sapien.config import SapienConfig
 from drivers.sapien.odometry import DriftingOdometry, OdometryState
-from drivers.sapien.rays import Outlines, Rooms, outlines
+from drivers.sapien.rays import Outlines, Rooms
 from drivers.sapien.sensors import ring_ranges
 from drivers.sapien.world import SUBSTEP, World, WorldState
 from runtime import topics
@@ -88,7 +88,7 @@ class SapienDriver(Service):
         super().__init__(config)
         self.state = DriverState(np.random.Generator(np.random.PCG64(config.seed)))
         self._world = World(config.scene, config.body, config.base)
-        self._odometry = self._fresh_odometry()
+        self._odometry = DriftingOdometry.of(self.config.scene.noise, self._world.robot_pose)
         self._rooms = Rooms(config.scene)
 
     def freeze(self) -> None:
@@ -101,7 +101,7 @@ class SapienDriver(Service):
         assert self.state.world is not None and self.state.odometry is not None
         self._world = World(self.config.scene, self.config.body, self.config.base)
         self._world.restore(self.state.world)
-        self._odometry = self._fresh_odometry()
+        self._odometry = DriftingOdometry.of(self.config.scene.noise, self._world.robot_pose)
         self._odometry.state = self.state.odometry
 
     @on(alive)
@@ -181,19 +181,12 @@ class SapienDriver(Service):
         if count > 0:
             self._world.step(count)
 
-    def _fresh_odometry(self) -> DriftingOdometry:
-        noise = self.config.scene.noise
-        start = self._world.robot_pose
-        return DriftingOdometry(noise.odometry_distance, noise.odometry_turn, noise.odometry_heading, start)
-
     def _outlines(self) -> Outlines:
-        x, y, theta = (float(number) for number in self._world.object_pose)
-        return self._rooms.at(self._world.seconds).joined(outlines(self.config.body.parts, (x, y, theta)))
+        return self._rooms.around(self._world.seconds, self.config.body.parts, self._world.object_pose)
 
     def _odometry_message(self, pose: NDArray[np.float64], now: Time) -> Publication:
         reading = self._odometry.read(pose, self.state.generator)
-        vx, vy, omega = self._world.robot_twist
-        c, s = np.cos(pose[2]), np.sin(pose[2])
+        vx, vy, omega = self._world.robot_twist_base
         noise, drift = self.config.scene.noise, self._odometry.state
         position = noise.odometry_distance**2 * drift.travelled
         heading = noise.odometry_turn**2 * drift.turned + noise.odometry_heading**2 * drift.travelled
@@ -201,7 +194,7 @@ class SapienDriver(Service):
             Odometry(
                 stamp=now,
                 pose=Pose2(x=reading[0], y=reading[1], theta=reading[2]),
-                twist=Twist2(vx=c * vx + s * vy, vy=-s * vx + c * vy, omega=omega),
+                twist=Twist2(vx=vx, vy=vy, omega=omega),
                 driver_sequence=self.state.sequence,
                 covariance=[position, 0, 0, 0, position, 0, 0, 0, heading],
             )

@@ -7,7 +7,7 @@ from math import atan2, cos, hypot, pi, radians, sin, tan
 import msgspec
 import numpy as np
 
-from drivers.sapien.angles import wrap
+from drivers.angles import wrap
 from drivers.sapien.objects import ObjectBody
 from drivers.sapien.scene import Bounds, BoxObstacle, Place, Scene
 from drivers.sapien.shapes import Box, Disc, Shape

@@ -174,6 +174,14 @@ class World:
         return np.array([velocity[0], velocity[1], spin[2]], dtype=np.float64)
 
     @property
+    def robot_twist_base(self) -> tuple[float, float, float]:
+        """How the base moves, m/s and rad/s, base frame."""
+        vx, vy, omega = (float(one) for one in self.robot_twist)
+        theta = float(self.robot_pose[2])
+        c, s = np.cos(theta), np.sin(theta)
+        return float(c * vx + s * vy), float(-s * vx + c * vy), omega
+
+    @property
     def object_pose(self) -> NDArray[np.float64]:
         """Where o is."""
         planar = physics.planar(self._object)

@@ -8,7 +8,6 @@ from typing import Annotated
 from msgspec import Meta
 
 from drivers.robotino.config import BaseConfig
-from drivers.robotino.kinematics import ROBOTINO_3_4, Geometry
 
 Rate = Annotated[float, Meta(ge=0, le=20)]
 
@@ -27,8 +26,3 @@ class RestConfig(BaseConfig, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     laser_x: Annotated[float, Meta(ge=-1, le=1, description="m, base frame, where the laser sits")] = 0.1
     laser_y: Annotated[float, Meta(ge=-1, le=1, description="m, the same")] = 0.0
     laser_yaw: Annotated[float, Meta(ge=-3.15, le=3.15, description="rad, where it looks")] = 0.0
-
-    @property
-    def geometry(self) -> Geometry:
-        """Return the drive."""
-        return ROBOTINO_3_4

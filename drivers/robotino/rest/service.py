@@ -8,27 +8,17 @@ carries them. The base's own controld3 shapes what it is told, so there is no ra
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import cos, sin
+from math import dist
 
-from drivers.robotino import infrared
-from drivers.robotino.faults import Faults
-from drivers.robotino.gate import STILL, Gate
-from drivers.robotino.odometry import DeadReckoning, wrapped
+from drivers.robotino.driver import BaseState, RobotinoDriver
+from drivers.robotino.gate import STILL
+from drivers.robotino.odometry import way
 from drivers.robotino.rest import shapes
 from drivers.robotino.rest.config import RestConfig
 from drivers.robotino.rest.shapes import BadShape, OdometryAnswer
 from runtime import topics
-from runtime.messages import (
-    Alive,
-    HttpAnswer,
-    HttpFault,
-    HttpRequest,
-    LaserScan,
-    RangeArray,
-    RobotStatus,
-    VelocityCommand,
-)
-from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
+from runtime.messages import HttpAnswer, HttpFault, HttpRequest, LaserScan
+from runtime.service import Effects, Input, Output, Publication, Timer, on
 from runtime.time import SECOND, Time, nanoseconds
 
 _PERIOD = 0.05
@@ -52,7 +42,7 @@ _PATIENCE = SECOND // 2
 
 
 @dataclass
-class RestState:
+class RestState(BaseState):
     """What the driver goes on from.
 
     Attributes:
@@ -60,12 +50,9 @@ class RestState:
         due: ns, when each lane is to be asked again.
         requests: so far; ticks: of the timer.
         fresh: ns, of the last new odometry; None before. stale: none comes.
-        odometry: the last one, as the base said it; None before.
+        sequence, pose: of the last one, as the base said it; None before. scanned: counter of the last scan.
     """
 
-    gate: Gate = field(default_factory=Gate)
-    reckoning: DeadReckoning = field(default_factory=DeadReckoning)
-    faults: Faults = field(default_factory=Faults)
     asked: dict[str, tuple[int, int]] = field(default_factory=dict)
     due: dict[str, int] = field(default_factory=dict)
     requests: int = 0
@@ -75,25 +62,16 @@ class RestState:
     sequence: int = 0
     pose: tuple[float, float, float] | None = None
     scanned: int = -1
-    bumper: bool = False
-    battery: float = 0.0
-    charging: bool = False
-    low: bool = False
 
 
-class RobotinoRest(Service):
+class RobotinoRest(RobotinoDriver):
     """Publishes what the base's sensors say, and tells the base what a command wants while it is fresh."""
 
     name = "robotino-rest"
     Config = RestConfig
 
-    command = Input(topics.COMMAND)
-    alive = Input(topics.ALIVE)
     answer = Input(topics.HTTP_ANSWER)
-    odometry = Output(topics.ODOMETRY)
     scan = Output(topics.SCAN)
-    ranges = Output(topics.RANGES)
-    status = Output(topics.STATUS)
     request = Output(topics.HTTP_REQUEST)
     tick = Timer(_PERIOD)
 
@@ -107,22 +85,7 @@ class RobotinoRest(Service):
     def finish(self, now: Time) -> Effects:
         """Stop the base: the last words."""
         self.state.gate.hold()
-        yield self._drive(now)
-
-    @on(alive)
-    def call(self, alive: Alive, now: Time) -> Effects:
-        """Stop the base at once when the controller is gone."""
-        if self.state.gate.call(alive):
-            yield self._drive(now)
-            yield self.say("the controller is gone: base held", now, "WARNING")
-
-    @on(command)
-    def obey(self, command: VelocityCommand, now: Time) -> Effects:
-        """Take a command, unless it is too old. The next tick tells it."""
-        config = self.config
-        refused = self.state.gate.offer(command, now, config.deadline, config.limits, config.geometry)
-        if refused:
-            yield from self._fault("command", refused, now)
+        yield self._told(now)
 
     @on(tick)
     def ask(self, now: Time) -> Effects:
@@ -133,7 +96,7 @@ class RobotinoRest(Service):
             state.stale = True
             yield from self._fault("stale", f"no new odometry for {(now - state.fresh) / SECOND:.2f} s", now)
             yield self._status(now)
-        yield self._drive(now)
+        yield self._told(now)
         for lane, path in SENSORS.items():
             rate = float(getattr(self.config, f"{lane}_rate"))
             if rate > 0.0 and now >= state.due.get(lane, 0) and not self._waits(lane, now):
@@ -175,7 +138,7 @@ class RobotinoRest(Service):
         if lane == "odometry":
             yield from self._moved(shapes.odometry(body), now)
         elif lane == "ranges":
-            yield self._ranges(shapes.distances(body), now)
+            yield self._ranges(list(shapes.distances(body)), now)
         elif lane == "scan":
             yield from self._scanned(shapes.scan(body), now)
         elif lane == "bumper":
@@ -184,7 +147,7 @@ class RobotinoRest(Service):
                 state.bumper = pressed
                 if pressed:
                     state.gate.hold()
-                    yield self._drive(now)
+                    yield self._told(now)
                 yield self._status(now)
         else:
             found = shapes.power(body)
@@ -197,29 +160,23 @@ class RobotinoRest(Service):
             return
         seconds = 0.0 if state.fresh is None else (now - state.fresh) / SECOND
         if state.pose is not None:
-            x, y, rot = state.pose
-            c, s = cos(rot), sin(rot)
-            dx, dy = found.pose[0] - x, found.pose[1] - y
-            turn = wrapped(found.pose[2] - rot)
-            if found.sequence < state.sequence or (dx * dx + dy * dy) ** 0.5 > _JUMP + _FASTEST * seconds:
+            if found.sequence < state.sequence or dist(state.pose[:2], found.pose[:2]) > _JUMP + _FASTEST * seconds:
                 yield from self._fault("odometry", f"{state.pose} and {found.pose}: it has begun anew", now)
             else:
-                # The straight line between two readings, as an arc of this chord.
-                half = 0.5 * turn
-                longer = half / sin(half) if abs(half) > 1e-9 else 1.0
-                ahead, aside = longer * (c * dx + s * dy), longer * (-s * dx + c * dy)
-                ch, sh = cos(half), sin(half)
-                state.reckoning.go((ch * ahead + sh * aside, -sh * ahead + ch * aside, turn))
+                state.reckoning.go(way(state.pose, found.pose))
         was_stale, state.stale = state.stale, False
         state.pose, state.sequence, state.fresh = found.pose, found.sequence, now
         yield self.odometry(state.reckoning.message(now, found.twist, state.gate.sensed(now)))
         if was_stale:
             yield self._status(now)
 
-    def _drive(self, now: Time) -> Publication:
+    def _told(self, now: Time) -> Publication:
         """Return the request that tells the base how to move now."""
         wish = self.state.gate.now(now)
         return self._ask(DRIVE, "PUT", OMNIDRIVE, shapes.omnidrive(*(STILL if self.state.stale else wish)), now)
+
+    def _works(self) -> bool:
+        return not self.state.stale
 
     def _ask(self, lane: str, method: str, path: str, body: bytes, now: Time) -> Publication:
         state = self.state
@@ -250,41 +207,3 @@ class RobotinoRest(Service):
         message.pose.position.x, message.pose.position.y = self.config.laser_x, self.config.laser_y
         message.pose.orientation.w = 1.0
         yield self.scan(message)
-
-    def _ranges(self, distances: tuple[float, ...], now: Time) -> Publication:
-        return self.ranges(
-            RangeArray(
-                stamp=now,
-                bearing=infrared.bearings(),
-                distance=distances,
-                ring_radius=infrared.RING_RADIUS,
-                minimum=infrared.NEAREST,
-                maximum=infrared.FARTHEST,
-            )
-        )
-
-    def _status(self, now: Time) -> Publication:
-        state, config = self.state, self.config
-        gate = state.gate
-        return self.status(
-            RobotStatus(
-                stamp=now,
-                bumper=state.bumper,
-                motors_enabled=not state.stale,
-                battery_voltage=state.battery,
-                charging=state.charging,
-                battery_low=state.low,
-                limits=config.limits,
-                diameter=config.diameter,
-                commands_accepted=gate.accepted,
-                commands_clamped=gate.clamped,
-                commands_refused=gate.refused,
-                commands_stale=gate.stale,
-                link_down=state.stale,
-                faults=state.faults.messages(),
-            )
-        )
-
-    def _fault(self, kind: str, detail: str, now: Time) -> Effects:
-        for line in self.state.faults.note(kind, detail, now):
-            yield self.say(line, now, "WARNING")

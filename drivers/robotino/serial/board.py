@@ -9,11 +9,11 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import cos, sin
 
+from drivers.angles import wrap
 from drivers.robotino import infrared
 from drivers.robotino.kinematics import ROBOTINO_3_4, Geometry, Motors, Twist
-from drivers.robotino.odometry import wrapped
+from drivers.robotino.odometry import way
 from drivers.robotino.plant import Plant
 from drivers.robotino.serial import tags
 from drivers.robotino.serial.framing import LONGEST, Decoder, encode
@@ -29,6 +29,8 @@ _ACCELERATION = 12000.0
 """rpm/s, at start"""
 _SNAP = 1.0
 """rpm around zero that count as zero"""
+PIECE = 64
+"""bytes of a USB write: an answer comes in pieces of so many"""
 _RING = 1024
 """bytes that an answer may have, escapes and all"""
 _LONGEST_TEXT = 128
@@ -70,7 +72,7 @@ class Board:
     off_until: float = 0.0
     turns: list[float] = field(default_factory=lambda: [0.0] * 4)
     offset: list[int] = field(default_factory=lambda: [0] * 4)
-    seen: tuple[float, float, float] | None = None
+    seen: Twist | None = None
     outputs: int = 0
     relays: int = 0
     echoed: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -128,18 +130,11 @@ class Board:
     def _count(self, pose: Twist) -> None:
         """Turn the encoders by what the plant moved."""
         if self.seen is not None:
-            x, y, theta = self.seen
-            turn = wrapped(pose[2] - theta)
-            # The arc between: its chord points half the turn ahead, and is shorter by the sine's share.
-            half = 0.5 * turn
-            c, s = cos(theta + half), sin(theta + half)
-            longer = half / sin(half) if abs(half) > 1e-9 else 1.0
-            dx, dy = longer * (pose[0] - x), longer * (pose[1] - y)
             # Speeds in rpm for a minute, turns for a second.
-            moved = self.geometry.motors((c * dx + s * dy, -s * dx + c * dy, turn))
+            moved = self.geometry.motors(way(self.seen, pose))
             for index, one in enumerate(moved):
                 self.turns[index] += one / 60.0
-        self.seen = (pose[0], pose[1], pose[2])
+        self.seen = pose
 
     def _framed(self, answers: list[Answer], plant: Plant) -> bytes:
         """Return one frame of these answers, with what stands at the end of all, in the space that there is."""
@@ -241,7 +236,7 @@ class Board:
     def _gyro(self, _: bytes, plant: Plant) -> Answer | None:
         if not self.gyro:
             return None
-        return (Tag.GYRO_Z_ANGLE, struct.pack("<ff", wrapped(plant.pose[2]), plant.twist[2]))
+        return (Tag.GYRO_Z_ANGLE, struct.pack("<ff", wrap(plant.pose[2]), plant.twist[2]))
 
     def _set_gyro(self, data: bytes, _: Plant) -> None:
         which, value = struct.unpack("<Bf", data)

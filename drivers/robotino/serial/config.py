@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from msgspec import Meta
 
 from drivers.robotino.config import BaseConfig
-from drivers.robotino.kinematics import ROBOTINO_3_4, Geometry
 
 
 class SerialConfig(BaseConfig, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -16,7 +15,6 @@ class SerialConfig(BaseConfig, frozen=True, kw_only=True, forbid_unknown_fields=
     device: Annotated[
         str, Meta(description="the serial device, as in /dev/ttyACM0; empty: the one that says it is a Robotino 3")
     ] = ""
-    generation: Annotated[Literal["3", "4"], Meta(description="of the Robotino: 3 or 4, which have one drive")] = "3"
     gyro: Annotated[bool, Meta(description="whether the board has a gyro: Robotino 3 with an MPU6000")] = False
     emergency_bumper: Annotated[
         bool, Meta(description="whether the board stops the motors by itself while the bumper is pressed")
@@ -24,8 +22,3 @@ class SerialConfig(BaseConfig, frozen=True, kw_only=True, forbid_unknown_fields=
     ramp: Annotated[
         float, Meta(gt=100, le=12000, description="rpm/s, of the board's own ramps: how steeply the base stops")
     ] = 11500.0
-
-    @property
-    def geometry(self) -> Geometry:
-        """Return the drive."""
-        return ROBOTINO_3_4

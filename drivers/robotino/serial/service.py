@@ -10,18 +10,19 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass, field
 
+from drivers.angles import wrap
 from drivers.robotino import infrared
-from drivers.robotino.faults import Faults
-from drivers.robotino.gate import STILL, Gate
+from drivers.robotino.driver import BaseState, RobotinoDriver
+from drivers.robotino.gate import STILL
 from drivers.robotino.kinematics import Twist, ramped
-from drivers.robotino.odometry import DeadReckoning, counted, wrapped
+from drivers.robotino.odometry import counted
 from drivers.robotino.serial import tags
 from drivers.robotino.serial.config import SerialConfig
 from drivers.robotino.serial.framing import Decoder, encode
 from drivers.robotino.serial.tags import BadTag, Gyro, MotorReadings, Power, Tag
 from runtime import topics
-from runtime.messages import Alive, RangeArray, RobotStatus, SerialData, VelocityCommand
-from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
+from runtime.messages import SerialData
+from runtime.service import Effects, Input, Output, Publication, Timer, on
 from runtime.time import SECOND, Time
 
 _PERIOD = 0.02
@@ -41,7 +42,7 @@ Ticks = tuple[int, int, int]
 
 
 @dataclass
-class SerialState:
+class SerialState(BaseState):
     """What the driver goes on from.
 
     Attributes:
@@ -56,9 +57,6 @@ class SerialState:
     """
 
     decoder: Decoder = field(default_factory=Decoder)
-    gate: Gate = field(default_factory=Gate)
-    reckoning: DeadReckoning = field(default_factory=DeadReckoning)
-    faults: Faults = field(default_factory=Faults)
     started: bool = False
     asked: Time | None = None
     hardware: str = ""
@@ -71,26 +69,17 @@ class SerialState:
     unbelieved: int = 0
     told: Twist = STILL
     gyro: float | None = None
-    bumper: bool = False
-    battery: float = 0.0
-    charging: bool = False
-    low: bool = False
     polls: int = 0
     readings: int = 0
 
 
-class RobotinoSerial(Service):
+class RobotinoSerial(RobotinoDriver):
     """Publishes what the base's sensors say, and tells its motors what a command wants while it is fresh."""
 
     name = "robotino-serial"
     Config = SerialConfig
 
-    command = Input(topics.COMMAND)
-    alive = Input(topics.ALIVE)
     received = Input(topics.SERIAL_RECEIVED)
-    odometry = Output(topics.ODOMETRY)
-    ranges = Output(topics.RANGES)
-    status = Output(topics.STATUS)
     sent = Output(topics.SERIAL_SENT)
     poll = Timer(_PERIOD)
 
@@ -104,22 +93,6 @@ class RobotinoSerial(Service):
     def finish(self, now: Time) -> Effects:
         """Stop the motors: the last words."""
         yield self._frame(tags.speeds(STILL), now)
-
-    @on(alive)
-    def call(self, alive: Alive, now: Time) -> Effects:
-        """Stop the base at once when the controller is gone."""
-        if self.state.gate.call(alive):
-            yield self._frame(self._speeds(now), now)
-            yield self.say("the controller is gone: base held", now, "WARNING")
-
-    @on(command)
-    def obey(self, command: VelocityCommand, now: Time) -> Effects:
-        """Take a command, unless it is too old. The next poll carries it."""
-        config = self.config
-        refused = self.state.gate.offer(command, now, config.deadline, config.limits, config.geometry)
-        if refused:
-            for line in self.state.faults.note("command", refused, now):
-                yield self.say(line, now, "WARNING")
 
     @on(poll)
     def ask(self, now: Time) -> Effects:
@@ -186,7 +159,7 @@ class RobotinoSerial(Service):
         if motors is not None and state.started:
             yield from self._moved(motors, gyro, now)
             if volts is not None and state.readings % _RANGES_EVERY == 1:
-                yield self._ranges(volts, now)
+                yield self._ranges([infrared.metres(one) for one in volts], now)
         if bumper != state.bumper or was_silent:
             state.bumper = bumper
             yield self._status(now)
@@ -213,7 +186,7 @@ class RobotinoSerial(Service):
                 return
             way = config.geometry.way(gone)
             if gyro is not None:
-                turn = wrapped(gyro.angle - state.gyro) if state.gyro is not None else way[2]
+                turn = wrap(gyro.angle - state.gyro) if state.gyro is not None else way[2]
                 way = (way[0], way[1], turn)
             state.reckoning.go(way)
         state.ticks, state.read, state.unbelieved = ticks, now, 0
@@ -234,6 +207,15 @@ class RobotinoSerial(Service):
             state.ticks, state.read, state.unbelieved = ticks, now, 0
             state.started, state.asked = False, None
             yield self.say("the board has begun anew", now, "WARNING")
+
+    def _told(self, now: Time) -> Publication:
+        return self._frame(self._speeds(now), now)
+
+    def _works(self) -> bool:
+        return self.state.started and not self.state.silent
+
+    def _stopped(self) -> bool:
+        return self.state.bumper and self.config.emergency_bumper
 
     def _speeds(self, now: Time) -> list[tuple[int, bytes]]:
         """Return the tags of the speeds of now.
@@ -267,42 +249,3 @@ class RobotinoSerial(Service):
     def _note(self, power: Power) -> None:
         state = self.state
         state.battery, state.charging, state.low = power.volts, power.external, power.low
-
-    def _ranges(self, volts: tuple[float, ...], now: Time) -> Publication:
-        return self.ranges(
-            RangeArray(
-                stamp=now,
-                bearing=infrared.bearings(),
-                distance=[infrared.metres(one) for one in volts],
-                ring_radius=infrared.RING_RADIUS,
-                minimum=infrared.NEAREST,
-                maximum=infrared.FARTHEST,
-            )
-        )
-
-    def _status(self, now: Time) -> Publication:
-        state, config = self.state, self.config
-        gate = state.gate
-        return self.status(
-            RobotStatus(
-                stamp=now,
-                bumper=state.bumper,
-                emergency_stop=state.bumper and config.emergency_bumper,
-                motors_enabled=state.started and not state.silent,
-                battery_voltage=state.battery,
-                charging=state.charging,
-                battery_low=state.low,
-                limits=config.limits,
-                diameter=config.diameter,
-                commands_accepted=gate.accepted,
-                commands_clamped=gate.clamped,
-                commands_refused=gate.refused,
-                commands_stale=gate.stale,
-                link_down=state.silent or not state.started,
-                faults=state.faults.messages(),
-            )
-        )
-
-    def _fault(self, kind: str, detail: str, now: Time) -> Effects:
-        for line in self.state.faults.note(kind, detail, now):
-            yield self.say(line, now, "WARNING")

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.angles import wrap
 from drivers.robotino import infrared
 from drivers.robotino.gate import STILL, Gate
 from drivers.robotino.kinematics import ROBOTINO_3_4
-from drivers.robotino.odometry import DeadReckoning, counted, wrapped
+from drivers.robotino.odometry import DeadReckoning, counted, way
 from drivers.sapien.sensors import RangeRing
 from runtime.messages import Alive, MotionLimits, Twist2, VelocityCommand
 from runtime.time import SECOND, Time
@@ -42,8 +43,21 @@ def test_arcs_end_on_their_circle_however_they_are_cut(radius: float, turn: floa
     for _ in range(pieces):
         reckoning.go((radius * turn / pieces, 0.0, turn / pieces))
     assert (reckoning.x, reckoning.y) == pytest.approx((radius * sin(turn), radius * (1 - cos(turn))), abs=1e-9)
-    assert reckoning.theta == pytest.approx(wrapped(turn), abs=1e-9)
+    assert reckoning.theta == pytest.approx(wrap(turn), abs=1e-9)
     assert reckoning.travelled == pytest.approx(abs(radius * turn))
+
+
+POSE = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-3.1, 3.1))
+
+
+@given(POSE, POSE)
+def test_the_way_between_two_poses_leads_from_one_to_the_other(
+    before: tuple[float, float, float], after: tuple[float, float, float]
+) -> None:
+    reckoning = DeadReckoning(*before)
+    reckoning.go(way(before, after))
+    assert (reckoning.x, reckoning.y) == pytest.approx(after[:2], abs=1e-6)
+    assert wrap(reckoning.theta - after[2]) == pytest.approx(0.0, abs=1e-9)
 
 
 @given(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**30), 2**30))

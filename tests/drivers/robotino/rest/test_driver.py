@@ -15,6 +15,7 @@ from drivers.robotino.rest.service import RobotinoRest
 from runtime.messages import Alive, HttpAnswer, HttpFault, HttpRequest
 from runtime.time import SECOND
 from tests.drivers.robotino.rest.rig import Rig
+from tests.drivers.robotino.rig import driven as after
 
 WISH = (0.2, 0.0, 0.3)
 BRAKING = 0.2 / 0.4
@@ -85,15 +86,7 @@ def test_the_first_picture_after_a_pause_fails() -> None:
 
 
 def driven(seconds: float = 2.0, wish: tuple[float, float, float] = WISH, **values: object) -> Rig:
-    rig = Rig(**values)  # type: ignore[arg-type]
-    rig.run(0.3)
-    rig.wish = wish
-    rig.run(seconds)
-    return rig
-
-
-def fault(rig: Rig, kind: str) -> int:
-    return rig.service.state.faults.counts.get(kind, 0)
+    return after(Rig(**values), 0.3, seconds, wish)  # type: ignore[arg-type]
 
 
 def off(rig: Rig) -> list[float]:
@@ -118,7 +111,7 @@ def test_a_command_is_followed_and_the_odometry_is_the_bases() -> None:
 def test_a_laser_is_passed_on_and_its_absence_is_no_fault_of_others() -> None:
     rig = Rig()
     rig.run(1.0)
-    assert not rig.scans and fault(rig, "no scan") > 5 and rig.odometry
+    assert not rig.scans and rig.faults("no scan") > 5 and rig.odometry
     rig.plant.scan = LaserReading(-1.9, 1.9, (1.0, 0.0, 2.0))
     rig.run(1.0)
     assert 8 <= len(rig.scans) <= 11
@@ -135,7 +128,7 @@ def test_a_server_that_is_gone_for_two_seconds(kind: str) -> None:
     rig.run(2.0)
     assert rig.moving_after(since) < 0.5 + BRAKING + 0.05, "the server's 0.5 s, and braking"
     assert rig.statuses[-1].link_down
-    assert fault(rig, kind.removeprefix("HTTP_").lower()) > 10
+    assert rig.faults(kind.removeprefix("HTTP_").lower()) > 10
     assert len(rig.odometry) <= count + 2
     rig.trouble = lambda _: None
     rig.run(1.5)
@@ -149,7 +142,7 @@ def test_sensors_that_fail_stop_the_base_by_our_side() -> None:
     since = rig.now
     rig.trouble = lambda one: Response(500, "text/plain", b"no") if one.method == "GET" else None
     rig.run(3.0)
-    assert fault(rig, "status 500") > 20
+    assert rig.faults("status 500") > 20
     assert rig.moving_after(since) <= 0.2 + 0.06 + BRAKING, "0.2 s of the command, a tick, and braking"
     told = [json.loads(one.body) for one in rig.requests if one.method == "PUT"][-1]
     assert told == [0.0, 0.0, 0.0]
@@ -177,7 +170,7 @@ def test_odometry_that_is_set_anew_never_jumps() -> None:
     rig.plant.reckoning.x = rig.plant.reckoning.y = rig.plant.reckoning.theta = 0.0
     rig.server.restart()
     rig.run(2.0)
-    assert fault(rig, "odometry") == 1
+    assert rig.faults("odometry") == 1
     steps = [one for one, _ in rig.odometry]
     for a, b in zip(steps[:-1], steps[1:], strict=True):
         assert np.hypot(b.pose.x - a.pose.x, b.pose.y - a.pose.y) < 0.2 * ((b.stamp - a.stamp) / SECOND + 0.05) + 0.002
@@ -197,7 +190,7 @@ def test_odometry_that_stands_still_is_stale() -> None:
     since = rig.now
     rig.trouble = lambda one: frozen if one.path == "/data/odometry" else None
     rig.run(1.5)
-    assert fault(rig, "stale") == 1 and rig.statuses[-1].link_down
+    assert rig.faults("stale") == 1 and rig.statuses[-1].link_down
     assert rig.moving_after(since) <= 0.3 + BRAKING
 
 

@@ -16,21 +16,14 @@ from drivers.robotino.serial.service import RobotinoSerial
 from drivers.robotino.serial.tags import Tag
 from runtime.messages import Alive, SerialData
 from runtime.time import SECOND
+from tests.drivers.robotino.rig import driven as after
 from tests.drivers.robotino.serial.rig import Rig, noisy
 
 AROUND = (0.2, 0.1, 0.4)
 
 
 def driven(seconds: float = 2.0, wish: tuple[float, float, float] = AROUND, **values: object) -> Rig:
-    rig = Rig(**values)  # type: ignore[arg-type]
-    rig.run(0.2)
-    rig.wish = wish
-    rig.run(seconds)
-    return rig
-
-
-def fault(rig: Rig, kind: str) -> int:
-    return rig.service.state.faults.counts.get(kind, 0)
+    return after(Rig(**values), 0.2, seconds, wish)  # type: ignore[arg-type]
 
 
 def test_a_command_is_followed_and_the_odometry_is_where_the_base_is() -> None:
@@ -115,7 +108,7 @@ def test_a_line_that_is_unplugged_and_plugged_again() -> None:
     rig.run(1.0)
     assert rig.moving_after(since) <= 0.5
     assert rig.statuses[-1].link_down and not rig.statuses[-1].motors_enabled
-    assert fault(rig, "line") == 1
+    assert rig.faults("line") == 1
     count = len(rig.odometry)
     rig.plug(True)
     rig.run(2.0)
@@ -137,7 +130,7 @@ def test_bytes_lost_put_in_and_flipped(seed: int) -> None:
     assert rig.worst() < 1e-3
     for one in rig.ranges[before:]:
         assert list(one.distance) == pytest.approx(rig.plant.distances, abs=1e-6)
-    assert fault(rig, "checksum") + fault(rig, "broken off") + fault(rig, "board") > 3
+    assert rig.faults("checksum") + rig.faults("broken off") + rig.faults("board") > 3
     assert not any(one.bumper for one in rig.statuses)
     assert all(one.battery_voltage == pytest.approx(24.0) for one in rig.statuses[2:])
     assert rig.plant.twist == pytest.approx(AROUND, abs=0.01)
@@ -152,7 +145,7 @@ def test_a_board_that_is_reset() -> None:
     rig.run(0.3)
     assert rig.moving_after(since) > 0.0
     rig.run(2.0)
-    assert fault(rig, "encoders") > 0
+    assert rig.faults("encoders") > 0
     assert rig.board.stops, "its settings are told again"
     assert rig.plant.twist == pytest.approx(AROUND, abs=0.002)
     steps = [one for one, _ in rig.odometry if one.driver_sequence >= before.driver_sequence]
