@@ -185,7 +185,7 @@ def prepare(layers: Sequence[Layer]) -> Session:
     nodes = SYSTEMS[found.perception, found.link]
     unused = {name for names in SYSTEMS.values() for name in names} - set(nodes)
     whole = Effective({name: one for name, one in whole.sections.items() if name not in unused}, whole.origins)
-    _of_one_world(whole, nodes[0], nodes[len(BASES[found.link])], drawn.origin)
+    _of_one_world(whole, nodes[0], _SENSES[found.perception][0], drawn.origin)
     x, y = found.goal or (place.x, place.y)
     goal = PushGoal(
         position=Vector2(x=x, y=y),

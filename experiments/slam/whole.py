@@ -18,7 +18,7 @@ from services.geometry.pose import compose
 from services.mapping.config import FilterConfig
 from services.mapping.filter import Noise, Particles
 from services.mapping.globally import locate
-from services.mapping.grid import RESOLUTION, Maps
+from services.mapping.grid import RESOLUTION, Maps, off_cells
 from services.mapping.scan import Scan
 
 matplotlib.use("Agg")
@@ -69,8 +69,8 @@ def run(
     particles = Particles.at(log.start, config.particles, config.seed)
     start, shift = log.start, np.zeros(2)
     if known is not None:
-        # Cells are counted from the origin: where the map's are not, everything is moved by what is left, and back.
-        shift = known[1] - np.rint(known[1] / RESOLUTION) * RESOLUTION
+        # Everything is moved by what the map's cells are off ours, and back.
+        shift = off_cells(known[1])
         particles.maps = Maps.known(known[0], known[1] - shift, config.particles)
         scan = Scan.of(log.ranges[0], log.angles[0], log.mount, config.furthest, log.nothing)
         poses, _ = locate(particles.maps, scan)

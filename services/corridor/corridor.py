@@ -26,7 +26,7 @@ STANDING, STANDING_REACH = 0.05, 0.2
 """m of width that the pushing corridor has at least where robot and object stand, and m around them, on a map that
 sensors made: it is off by up to a cell, and they stand there without touching anything. Not in the paper."""
 
-BETTER = 0.8
+_BETTER = 0.8
 """Share of the cost of a known way that another may cost to be taken: else two that are alike would take turns."""
 
 _HARDLY = 0.02
@@ -75,7 +75,9 @@ def build(
     discs = np.array([[o[0], o[1], 0.5 * d_o + object_margin], [r[0], r[1], 0.5 * d_r]])
     # Even on a map without the robot a wall may be a cell too thick; the robot stands there, so it is not in a wall.
     clearance = measure(cells, resolution, origin, discs[1:] if apart else discs)
-    room = replace(_room(d_r, d_o, weight, cap), escape=_OBJECT_ESCAPE if apart else 0.0)
+    need = 0.5 * max(d_r, d_o)
+    comfort = max(min(d_r + d_o + _COMFORT_MARGIN, cap), need + _COMFORT_MARGIN)
+    room = Room(need, comfort, weight, escape=_OBJECT_ESCAPE if apart else 0.0)
     path = _roomiest(clearance, o, g, room, spare, doubtful)
     if known is not None:
         path = _steady(clearance, path, np.vstack([o, known]), room, spare, doubtful)
@@ -92,11 +94,6 @@ def build(
     return CorridorGeometry.of(path, start, found, d_r, d_o)
 
 
-def _room(d_r: float, d_o: float, weight: float, cap: float) -> Room:
-    need = 0.5 * max(d_r, d_o)
-    return Room(need, max(min(d_r + d_o + _COMFORT_MARGIN, cap), need + _COMFORT_MARGIN), weight)
-
-
 def _roomiest(
     clearance: Clearance, o: Array, g: Array, room: Room, spare: float, doubtful: NDArray[np.bool_] | None
 ) -> Array:
@@ -104,13 +101,14 @@ def _roomiest(
 
     If there is none then, one through what is as much too tight as a map of sensors may be off.
     """
-    if spare > 0.0:
-        for more in (spare, 0.0):
-            with suppress(PlanningError):
-                return _cheapest(clearance, o, g, room.with_spare(more), doubtful)
-        with suppress(PlanningError):
-            return _cheapest(clearance, o, g, room.with_spare(-STANDING), doubtful)
-    return _cheapest(clearance, o, g, room, doubtful)
+    refused = PlanningError()
+    for more in (spare, 0.0, -STANDING) if spare > 0.0 else (0.0,):
+        try:
+            asked = room.with_spare(more)
+            return find(_doubted(clearance, doubtful, asked.need), o, g, asked)
+        except PlanningError as error:
+            refused = error if more == 0.0 else refused
+    raise refused
 
 
 def _steady(
@@ -119,19 +117,17 @@ def _steady(
     """Return the known way, or `path` if that is clearly better, or the known one has become tight."""
     known = resample(known, SPACING)
     roomy = room.with_spare(spare)
-    way = clearance if doubtful is None else _doubted(clearance, doubtful, roomy.need)
+    way = _doubted(clearance, doubtful, roomy.need)
     far = np.hypot(*(known - known[0]).T) > room.escape
     if (way.along(known[far]) < roomy.need - SLACK).any() or not (clearance.along(known) > 0.5 * room.need).all():
         return path
-    return path if cost_along(way, path, roomy) < BETTER * cost_along(way, known, roomy) else known
+    return path if cost_along(way, path, roomy) < _BETTER * cost_along(way, known, roomy) else known
 
 
-def _cheapest(clearance: Clearance, o: Array, g: Array, room: Room, doubtful: NDArray[np.bool_] | None) -> Array:
-    return find(clearance if doubtful is None else _doubted(clearance, doubtful, room.need), o, g, room)
-
-
-def _doubted(clearance: Clearance, doubtful: NDArray[np.bool_], need: float) -> Clearance:
-    """Return clearances that are hardly above `need`, m, where a cell is doubtful."""
+def _doubted(clearance: Clearance, doubtful: NDArray[np.bool_] | None, need: float) -> Clearance:
+    """Return clearances that are hardly above `need`, m, where a cell is doubtful; as they are if none is."""
+    if doubtful is None:
+        return clearance
     ny, nx = doubtful.shape
     there = np.zeros(clearance.values.shape, np.bool_)
     for j in range(3):

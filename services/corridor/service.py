@@ -160,8 +160,7 @@ class CorridorService(Service):
         if known is None or goal is None or robot is None or object is None or status is None:
             return
         ahead = known.path[known.arc >= min(known.closest(vector(object.position)).arc, float(known.arc[-1]))]
-        chart = self._chart(grid, ahead)
-        if not chart.doubts(ahead):
+        if not self._chart(grid, ahead).doubts(ahead):
             return
         try:
             found = self._built(goal, grid, robot, object, status)

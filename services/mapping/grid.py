@@ -34,6 +34,11 @@ _GROWTH = 8
 _AT_FIRST = 64
 
 
+def off_cells(corner: Array) -> Array:
+    """Return what a corner, (2,), m, is off whole cells from the origin, where maps count theirs from."""
+    return np.asarray(corner - np.rint(corner / RESOLUTION) * RESOLUTION)
+
+
 @dataclass
 class Maps:
     """The maps of P particles.

@@ -17,7 +17,7 @@ from services.geometry.pose import History, between, compose
 from services.mapping.config import MappingConfig
 from services.mapping.filter import Noise, Particles
 from services.mapping.globally import locate
-from services.mapping.grid import RESOLUTION, Maps
+from services.mapping.grid import RESOLUTION, Maps, off_cells
 from services.mapping.scan import Scan
 
 Array = NDArray[np.float64]
@@ -90,16 +90,14 @@ class MappingService(Service):
     def __init__(self, config: MappingConfig) -> None:
         super().__init__(config)
         self._noise = Noise()
-        # Cells are counted from the origin. Where a known map's are not, all inside is off by what is left.
-        self._shift = np.zeros(3)
-        if config.known is not None:
-            corner = np.array((config.known.x, config.known.y))
-            self._shift[:2] = corner - np.rint(corner / RESOLUTION) * RESOLUTION
+        corner = np.zeros(2) if config.known is None else np.array((config.known.x, config.known.y))
+        # Inside, everything is moved by what a known map's cells are off ours.
+        self._shift = np.array([*off_cells(corner), 0.0])
         self.state = MappingState(Particles.at(np.array(config.start) - self._shift, config.particles, config.seed))
         if config.known is not None:
-            cells = config.known.grid()
-            self.state.particles.maps = Maps.known(cells, corner - self._shift[:2], config.particles)
-            self.state.shown = Maps.known(cells, corner - self._shift[:2], 1)
+            cells, corner = config.known.grid(), corner - self._shift[:2]
+            self.state.particles.maps = Maps.known(cells, corner, config.particles)
+            self.state.shown = Maps.known(cells, corner, 1)
 
     def freeze(self) -> None:
         """Leave out of the maps what nobody uses."""
@@ -117,8 +115,11 @@ class MappingService(Service):
         place = np.array((object.position.x, object.position.y))
         if object.visibility != Visibility.VISIBLE:
             return
-        anew = before is None or before.visibility == Visibility.LOST
-        if before is None or anew or math.dist(place, (before.position.x, before.position.y)) > _CARRIED:
+        if (
+            before is None
+            or before.visibility == Visibility.LOST
+            or math.dist(place, (before.position.x, before.position.y)) > _CARRIED
+        ):
             self.state.shown.wipe(0, place - self._shift[:2], 0.5 * object.diameter + _RIM)
 
     @on(odometry)
@@ -223,13 +224,14 @@ class MappingService(Service):
     def _where(self, odometry_pose: Array, odometry: Odometry) -> Publication:
         state, particles = self.state, self.state.particles
         best, step = particles.poses[particles.best], between(state.at_match, odometry_pose)
-        x, y, theta = here = compose(best, step) + self._shift
+        here = compose(best, step)
+        x, y, theta = here + self._shift
         weights = particles.weights
         off = particles.poses - best
         off[:, 2] = [wrap(float(angle)) for angle in off[:, 2]]
         # A heading that is off carries the robot aside on its way since the match; the odometry errs on that way too.
         lever = np.eye(3)
-        lever[:2, 2] = -(here - self._shift - best)[1], (here - self._shift - best)[0]
+        lever[:2, 2] = best[1] - here[1], here[0] - best[0]
         c, s = math.cos(best[2]), math.sin(best[2])
         turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         since = turned @ _SINCE.covariance(step) @ turned.T

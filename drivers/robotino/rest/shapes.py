@@ -154,8 +154,8 @@ def versions(body: bytes) -> tuple[str, str]:
         BadShape: neither stands there.
     """
     found = _object(read(body), "controller info")
-    inner = found.get("payload", found)
-    both = _object(inner, "controller info").get("hardware"), _object(inner, "controller info").get("software")
+    inner = _object(found.get("payload", found), "controller info")
+    both = inner.get("hardware"), inner.get("software")
     if not all(isinstance(one, str) for one in both):
         raise BadShape(f"controller info {_short(found)}, expected hardware and software")
     return str(both[0])[:_TEXT], str(both[1])[:_TEXT]
