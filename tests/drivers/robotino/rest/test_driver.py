@@ -12,7 +12,7 @@ from drivers.robotino.infrared import FARTHEST
 from drivers.robotino.plant import IdealPlant, LaserReading
 from drivers.robotino.rest.restapid import Response, Restapid
 from drivers.robotino.rest.service import RobotinoRest
-from runtime.messages import Alive, HttpAnswer, HttpFault, HttpRequest
+from runtime.messages import Alive, HttpAnswer, HttpFault, HttpRequest, Twist2, VelocityCommand
 from runtime.time import SECOND
 from tests.drivers.robotino.rest.rig import Rig
 from tests.drivers.robotino.rig import driven as after
@@ -192,6 +192,20 @@ def test_odometry_that_stands_still_is_stale() -> None:
     rig.run(1.5)
     assert rig.faults("stale") == 1 and rig.statuses[-1].link_down
     assert rig.moving_after(since) <= 0.3 + BRAKING
+
+
+def test_stale_odometry_stops_the_base_before_a_patient_command_runs_out() -> None:
+    """The command would last 0.5 s; odometry counts as stale after 0.25 s, and the next tick tells zero."""
+    rig = driven()
+    newest = rig.odometry[-1][0].driver_sequence
+    command = VelocityCommand(twist=Twist2(vx=0.2), driver_sequence=newest, deadline=SECOND // 2)
+    frozen = rig.server.handle("GET", "/data/odometry", b"", rig.plant)
+    rig.trouble = lambda one: frozen if one.path == "/data/odometry" else None
+    rig.wish, since, before = None, rig.now, len(rig.requests)
+    rig.take(rig.service.obey(command, rig.now))
+    rig.run(0.5)
+    zero = [one.stamp for one in rig.requests[before:] if one.method == "PUT" and json.loads(one.body) == [0.0] * 3]
+    assert zero and (zero[0] - since) / SECOND <= 0.25 + 2 * 0.05
 
 
 def test_a_hung_driver_is_stopped_by_the_server() -> None:

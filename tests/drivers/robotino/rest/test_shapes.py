@@ -76,6 +76,12 @@ def test_whatever_comes_is_read_or_refused(body: bytes) -> None:
             continue
 
 
+@pytest.mark.parametrize("body", [b"NaN", b"[Infinity]", b'{"a": -Infinity}'])
+def test_constants_that_json_does_not_know_are_refused(body: bytes) -> None:
+    with pytest.raises(BadShape, match="no JSON"):
+        shapes.read(body)
+
+
 def test_deep_nesting_is_refused() -> None:
     with pytest.raises(BadShape):
         shapes.odometry(b"[" * 100_000)
