@@ -6,17 +6,18 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
-from msgspec import Meta
 
 from drivers.sapien import objects, scene, variants
 from drivers.sapien.base import BaseModel
 from drivers.sapien.config import SapienConfig
 from drivers.sapien.occupancy import rasterise
 from experiments.dynamic import changing
+from experiments.settings import SimConfig, SystemConfig
+from experiments.systems import BASES, EVERY, REAL, SENSES, SYSTEMS
 from runtime import registry
 from runtime.bus.config import BusConfig
 from runtime.config.layers import ConfigError, Effective, Layer, effective
@@ -36,99 +37,24 @@ from services.names import CONTROLLERS, STRATEGIES
 if TYPE_CHECKING:
     from runtime.lockstep.run import Spread
 
-_SKILL = ("corridor", "strategy", "learner", "controller", "task")
-_SENSES = {"truth": ("perception",), "sensors": ("camera", "mapping", "tracker")}
-BASES = {
-    "direct": ("driver",),
-    "serial": ("emulated-serial", "robotino-serial"),
-    "rest": ("emulated-rest", "robotino-rest"),
-}
-"""The nodes of the base by what lies between it and its driver; the first of them holds the simulated world."""
-SYSTEMS = {(sense, link): (*base, *_SENSES[sense], *_SKILL) for sense in _SENSES for link, base in BASES.items()}
-"""The services of a session by perception and link, in scheduling order: it breaks ties between timers."""
-NODES = SYSTEMS["truth", "direct"]
-
 _ON_OWN_MAP = {"unknown": "free", "apart": True, "spare": 0.1, "steady": True, "threshold": 0.1}
 """Settings of corridor for maps of sensors: they grow, are off by centimetres, and leave out object and robot."""
 
-DEFAULT_SCENE = "living-room"
-
-
-class SimConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The [sim] section: what to push where. Empty texts and zeros leave it to the scene and to [task]."""
-
-    scene: Annotated[str, Meta(description="a scene of `pushlane sim --list`")] = DEFAULT_SCENE
-    object: Annotated[str, Meta(description="an object of `pushlane sim --list`; empty: the scene's own")] = ""
-    goal: Annotated[
-        tuple[float, float] | None, Meta(description="m, where the object is to go; absent: the scene's own")
-    ] = None
-    yaw: (
-        Annotated[float, Meta(ge=-6.3, le=6.3, description="rad, the object's orientation at the goal; absent: any")]
-        | None
-    ) = None
-    yaw_precision: Annotated[float, Meta(ge=0, le=3.15, description="rad, of yaw; 0: as [task] says")] = 0.0
-    strategy: Annotated[str, Meta(description="empty: as [task] says")] = ""
-    controller: Annotated[str, Meta(description="empty: as [task] says")] = ""
-    precision: Annotated[float, Meta(ge=0, le=5, description="m; 0: as [task] says")] = 0.0
-    time_limit: Annotated[float, Meta(ge=0, le=36000, description="s; 0: as [task] says")] = 0.0
-    seed: Annotated[int, Meta(ge=0, lt=2**53, description="of everything drawn")] = 1
-    start: Annotated[
-        Literal["scene", "behind", "beside", "front"],
-        Meta(description="where the base starts, seen along the first push; scene: where the scene puts it"),
-    ] = "scene"
-    distance: Annotated[
-        float, Meta(ge=0, le=20, description="m from the base to the object at the start; 0: as `start` says")
-    ] = 0.0
-    width: Annotated[
-        float,
-        Meta(gt=0.3, le=4, description="times the pushing corridor's half width; 1 except in corridor-1 to corridor-3"),
-    ] = 1.0
-    object_diameter: Annotated[
-        float, Meta(ge=0, le=2, description="d_o, m: the object scaled to this, its mass kept; 0: its own")
-    ] = 0.0
-    object_mass: Annotated[float, Meta(ge=0, le=100, description="kg; 0: drawn from the object's range")] = 0.0
-    object_friction: Annotated[
-        float, Meta(ge=0, le=2, description="between floor and an object that slides; 0: drawn from its range")
-    ] = 0.0
-    perception: Annotated[
-        Literal["truth", "sensors"],
-        Meta(
-            description="sensors: from camera, laser, infra-red and odometry; truth: positions from the simulation, "
-            "with noise and delay"
-        ),
-    ] = "truth"
-    link: Annotated[
-        Literal["direct", "serial", "rest"],
-        Meta(description="what lies between the simulated base and its driver: nothing, or a Robotino's own interface"),
-    ] = "direct"
-    map: Annotated[
-        str,
-        Meta(
-            description="a map made before, for perception from sensors: map_server's YAML file, or `plan` for the "
-            "scene's floor plan; empty: the map is made while pushing"
-        ),
-    ] = ""
-    changing: Annotated[
-        bool, Meta(description="while pushing, two things are put into the corridor and one is taken away")
-    ] = False
-    tagged: Annotated[bool, Meta(description="whether the object bears tags for the camera")] = True
-    depth: Annotated[
-        bool, Meta(description="whether the camera measures depth, as well as where the scene says so")
-    ] = False
+S = TypeVar("S", bound=msgspec.Struct)
 
 
 @dataclass(frozen=True)
 class Session:
-    """Everything a push is made of, resolved."""
+    """Everything a push is made of, resolved.
+
+    Attributes:
+        nodes: names of the services, in scheduling order.
+    """
 
     sim: SimConfig
     effective: Effective
     goal: PushGoal
-
-    @property
-    def nodes(self) -> tuple[str, ...]:
-        """Return the names of the services, in scheduling order."""
-        return SYSTEMS[self.sim.perception, self.sim.link]
+    nodes: tuple[str, ...]
 
     @property
     def world(self) -> SapienConfig:
@@ -154,14 +80,12 @@ class Session:
 def kinds() -> dict[str, type[msgspec.Struct]]:
     """Return the structure of every section of the configuration, whichever services run."""
     return {
+        "system": SystemConfig,
         "sim": SimConfig,
         "timing": TimingConfig,
         "bus": BusConfig,
         "live": LiveConfig,
-        **{
-            name: registry.service_class(name).Config
-            for name in dict.fromkeys(name for names in SYSTEMS.values() for name in names)
-        },
+        **{name: registry.service_class(name).Config for name in EVERY},
     }
 
 
@@ -171,35 +95,81 @@ def prepare(layers: Sequence[Layer]) -> Session:
     Raises:
         ConfigError, UnknownScene, UnknownObject, ObjectError: the configuration names something wrong.
     """
-    sim_layers = [Layer(one.origin, {"sim": one.values["sim"]}) for one in layers if "sim" in one.values]
-    sim = effective({"sim": SimConfig}, sim_layers)
-    found = sim.sections["sim"]
-    assert isinstance(found, SimConfig)
+    found = _section("sim", SimConfig, layers)
     for key, known in (("strategy", STRATEGIES), ("controller", CONTROLLERS)):
-        name = getattr(found, key)
+        name = getattr(found.value, key)
         if name and name not in known:
-            origin = sim.origins.get(f"sim.{key}", "default")
+            origin = found.origin(key)
             raise ConfigError(f"{origin}: sim.{key}: no {key} is called '{name}'; expected one of {', '.join(known)}")
-    drawn, place = _draw(found)
-    whole = effective(kinds(), [drawn, *layers])
-    nodes = SYSTEMS[found.perception, found.link]
-    unused = {name for names in SYSTEMS.values() for name in names} - set(nodes)
-    whole = Effective({name: one for name, one in whole.sections.items() if name not in unused}, whole.origins)
-    _of_one_world(whole, nodes[0], _SENSES[found.perception][0], drawn.origin)
-    x, y = found.goal or (place.x, place.y)
-    goal = PushGoal(
-        position=Vector2(x=x, y=y),
-        precision=found.precision,
-        yaw=found.yaw,
-        yaw_precision=found.yaw_precision,
-        strategy=found.strategy,
-        controller=found.controller,
-        time_limit=found.time_limit,
+    system = _section("system", SystemConfig, layers).value
+    if system.base != "simulated":
+        return _real(system, found.value, layers)
+    sim = found.value
+    drawn, place = _draw(sim)
+    nodes = SYSTEMS[sim.perception, sim.link]
+    whole = _whole(nodes, [drawn, *layers])
+    _of_one_world(whole, nodes[0], SENSES[sim.perception][0], drawn.origin)
+    return Session(sim, whole, _goal(sim, sim.goal or (place.x, place.y)), nodes)
+
+
+def _real(system: SystemConfig, sim: SimConfig, layers: Sequence[Layer]) -> Session:
+    """Return the session of a real base: goals are asked for, and nothing is drawn but the filter's seed."""
+    mapping: dict[str, Any] = {"seed": sim.seed}
+    if system.map:
+        mapping |= {"known": _known(system.map, None), "search": True}
+    drawn = Layer(f"a real base, {system.base}", {"mapping": mapping, "corridor": _ON_OWN_MAP})
+    nodes = REAL[system.base]
+    if not any("opencv-camera" in layer.values for layer in layers):
+        raise ConfigError(
+            "opencv-camera: a real camera is like no other, so its calibration and mount have no default: expected "
+            "sections [opencv-camera.calibration] and [opencv-camera.mount], see docs/camera.md"
+        )
+    return Session(sim, _whole(nodes, [drawn, *layers]), _goal(sim, sim.goal or (0.0, 0.0)), nodes)
+
+
+def _whole(nodes: Sequence[str], layers: Sequence[Layer]) -> Effective:
+    """Return the configuration of a system. What is said of services that it has not is looked at and left out."""
+    said = {section for layer in layers for section in layer.values}
+    every = kinds()
+    wanted = {name: kind for name, kind in every.items() if name not in EVERY or name in nodes or name in said}
+    whole = effective(wanted, layers, every)
+    left = {name: one for name, one in whole.sections.items() if name not in EVERY or name in nodes}
+    return Effective(left, whole.origins)
+
+
+def _goal(sim: SimConfig, place: tuple[float, float]) -> PushGoal:
+    return PushGoal(
+        position=Vector2(x=place[0], y=place[1]),
+        precision=sim.precision,
+        yaw=sim.yaw,
+        yaw_precision=sim.yaw_precision,
+        strategy=sim.strategy,
+        controller=sim.controller,
+        time_limit=sim.time_limit,
     )
-    return Session(found, whole, goal)
 
 
-def _known(name: str, room: scene.Scene) -> object:
+@dataclass(frozen=True)
+class _Section(Generic[S]):
+    """One section of the configuration, looked at before the others."""
+
+    name: str
+    value: S
+    origins: dict[str, str]
+
+    def origin(self, key: str) -> str:
+        return self.origins.get(f"{self.name}.{key}", "default")
+
+
+def _section(name: str, kind: type[S], layers: Sequence[Layer]) -> _Section[S]:
+    given = [Layer(one.origin, {name: one.values[name]}) for one in layers if name in one.values]
+    found = effective({name: kind}, given)
+    value = found.sections[name]
+    assert isinstance(value, kind)
+    return _Section(name, value, found.origins)
+
+
+def _known(name: str, room: scene.Scene | None) -> object:
     """Return the known map called `name`, as configuration holds it; None for no name.
 
     Raises:
@@ -207,7 +177,7 @@ def _known(name: str, room: scene.Scene) -> object:
     """
     if not name:
         return None
-    if name == "plan":
+    if name == "plan" and room is not None:
         plan = rasterise(room)
         return msgspec.to_builtins(KnownMap.of(plan.cells, np.array(plan.origin)))
     from experiments.slam import maps  # OpenCV

@@ -6,9 +6,13 @@ import contracts one-way.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import import_module
+from operator import attrgetter
+from typing import Any
 
 from runtime.errors import PushlaneError
+from runtime.live.wire import Wire
 from runtime.service import Service
 
 SERVICES: dict[str, str] = {
@@ -17,7 +21,9 @@ SERVICES: dict[str, str] = {
     "robotino-serial": "drivers.robotino.serial.service:RobotinoSerial",
     "emulated-rest": "drivers.sapien.emulated_rest:EmulatedRest",
     "robotino-rest": "drivers.robotino.rest.service:RobotinoRest",
+    "robotino-laser": "drivers.robotino.rest.laser:RobotinoLaser",
     "perception": "drivers.sapien.perception:TruthPerception",
+    "opencv-camera": "drivers.camera.service:CameraService",
     "camera": "drivers.sapien.camera:SapienCamera",
     "mapping": "services.mapping.service:MappingService",
     "tracker": "services.tracker.service:TrackerService",
@@ -27,6 +33,13 @@ SERVICES: dict[str, str] = {
     "controller": "services.controller.service:ControllerService",
     "task": "services.task.service:TaskService",
 }
+
+WIRES: dict[str, str] = {
+    "robotino-serial": "drivers.robotino.serial.wire:SerialWire.of",
+    "robotino-rest": "drivers.robotino.rest.wire:HttpWire.of",
+    "robotino-laser": "drivers.robotino.rest.wire:HttpWire.of",
+}
+"""What makes the wire of a service from its settings, where no double of its other end is in the system."""
 
 
 class UnknownService(PushlaneError):
@@ -41,8 +54,27 @@ def service_class(name: str) -> type[Service]:
     """
     if name not in SERVICES:
         raise UnknownService(f"no service is called '{name}'; expected one of {', '.join(SERVICES)}")
-    module, _, attribute = SERVICES[name].partition(":")
-    found = getattr(import_module(module), attribute)
+    found = _named(SERVICES[name])
     if not (isinstance(found, type) and issubclass(found, Service)):
         raise TypeError(f"{SERVICES[name]} is no Service")
     return found
+
+
+def wire(name: str, nodes: Iterable[str], config: object) -> Wire | None:
+    """Return the wire of the service `name` in a system of `nodes`; None if another service is its other end.
+
+    Raises:
+        PushlaneError: its settings say nothing that it could be joined to.
+    """
+    wired = set(service_class(name).contract.wired)
+    others = (service_class(one).contract.outputs for one in nodes if one != name)
+    if not wired or any(wired & set(outputs) for outputs in others):
+        return None
+    made: Wire = _named(WIRES[name])(config)
+    return made
+
+
+def _named(text: str) -> Any:
+    """Return what "module:attribute" names."""
+    module, _, attributes = text.partition(":")
+    return attrgetter(attributes)(import_module(module))

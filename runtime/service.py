@@ -60,11 +60,13 @@ class Input(Generic[M]):
 
     Args:
         delivery: what the queue keeps while the service is busy; the topic's own by default.
+        wired: comes over a wire of the service's own host (`runtime.live.wire`) where no other service publishes it.
     """
 
-    def __init__(self, topic: Topic[M], delivery: Delivery | None = None) -> None:
+    def __init__(self, topic: Topic[M], delivery: Delivery | None = None, wired: bool = False) -> None:
         self.topic = topic
         self.delivery = delivery or topic.delivery
+        self.wired = wired
 
     @overload
     def __get__(self, instance: None, owner: type[Service]) -> Input[M]: ...
@@ -141,6 +143,11 @@ class Contract:
     requests: dict[str, RequestInput[Any]]
     handlers: dict[str, str]  # name of a topic, timer or request -> name of the method
     sees_truth: bool  # may subscribe to what is for scoring only
+
+    @property
+    def wired(self) -> list[str]:
+        """Return the topics that come over a wire of the service's own host, where nobody else publishes them."""
+        return [name for name, source in self.inputs.items() if source.wired]
 
 
 class Service:

@@ -13,7 +13,8 @@ from pathlib import Path
 import zenoh
 from google.protobuf.message import DecodeError
 
-from experiments.session import NODES, Session, prepare
+from experiments.session import Session, prepare
+from experiments.systems import NODES
 from runtime.bus import envelope
 from runtime.bus.config import BusConfig
 from runtime.bus.keys import Keys

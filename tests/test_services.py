@@ -10,7 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from experiments.session import NODES, Session, prepare, run
+from experiments.session import Session, prepare, run
+from experiments.systems import NODES
 from runtime import registry, topics
 from runtime.config.layers import Layer
 from runtime.guard import Guard

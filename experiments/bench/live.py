@@ -15,7 +15,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.session import NODES, prepare
+from experiments.session import prepare
+from experiments.systems import NODES
 from replays.recording import Recording, load
 from runtime.bus.config import BusConfig
 from runtime.config.layers import Layer

@@ -16,7 +16,8 @@ from typing import Any
 
 import drivers.sapien.service as driver_module
 from drivers.sapien.world import SUBSTEP, World
-from experiments.session import NODES, Session, prepare, run
+from experiments.session import Session, prepare, run
+from experiments.systems import NODES
 from replays.recording import load
 from replays.replay import replay
 from runtime.config.layers import Layer

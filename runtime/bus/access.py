@@ -74,7 +74,7 @@ def _serve(host: str, services: Iterable[str], keys: Keys) -> list[Rule]:
     answered = [keys.host("*"), keys.request("recording/*")]
     for name in services:
         contract = registry.service_class(name).contract
-        outputs = list(contract.outputs)
+        outputs = [*contract.outputs, *contract.wired]
         if ALIVE.name in contract.inputs:
             # Where the hub is a bare router, the launcher beside the driver calls the roll and tells of the session.
             outputs.append(ALIVE.name)

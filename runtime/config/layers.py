@@ -10,7 +10,7 @@ import difflib
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,12 +108,15 @@ def read_assignments(assignments: Sequence[str], origin: str = "--set") -> Layer
     return Layer(origin, values)
 
 
-def effective(kinds: Mapping[str, type[msgspec.Struct]], layers: Sequence[Layer]) -> Effective:
+def effective(
+    kinds: Mapping[str, type[msgspec.Struct]], layers: Sequence[Layer], known: Collection[str] = ()
+) -> Effective:
     """Merge `layers` over the defaults of `kinds`.
 
     Args:
         kinds: section -> its structure class.
         layers: weakest first.
+        known: sections that there are elsewhere, to name beside those of `kinds` to who mistypes one.
 
     Raises:
         ConfigError: an unknown section or key, a wrong type, a value out of range, a number that is not finite.
@@ -123,7 +126,7 @@ def effective(kinds: Mapping[str, type[msgspec.Struct]], layers: Sequence[Layer]
     for layer in layers:
         for section, values in layer.values.items():
             if section not in kinds:
-                hint = _hint(section, list(kinds))
+                hint = _hint(section, list(known or kinds))
                 raise ConfigError(f"{layer.origin}: unknown section [{section}]{hint}")
             if not isinstance(values, dict):
                 raise ConfigError(f"{layer.origin}: [{section}] is to be a table, not {values!r}")

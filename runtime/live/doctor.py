@@ -183,7 +183,9 @@ def rates(
     Args:
         statuses: of the push, in the time that `tally` covers; `goal` is the newest one.
     """
-    publishers = {topic: name for name in nodes for topic in registry.service_class(name).contract.outputs}
+    contracts = {name: registry.service_class(name).contract for name in nodes}
+    publishers = {topic: name for name, kind in contracts.items() for topic in kind.wired}
+    publishers |= {topic: name for name, kind in contracts.items() for topic in kind.outputs}
     phases = {status.phase for status in statuses}
     # A push that began or ended meanwhile was too short for its rates.
     pushing = phases == {PushPhase.PUSHING}

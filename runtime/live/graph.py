@@ -37,7 +37,12 @@ class Graph:
     def of(cls, names: list[str], rates: dict[str, float] | None = None) -> Graph:
         """Return the graph of these services and the launcher, by their declarations. Other names have no topics."""
         kinds = {name: registry.service_class(name).contract for name in names if name in registry.SERVICES}
-        outputs = {name: sorted(kind.outputs) for name, kind in kinds.items()} | {_LAUNCHER: [ALIVE.name]}
+        by_others = {topic for kind in kinds.values() for topic in kind.outputs}
+        outputs = {
+            # What a wire brings is published by the host that has the wire.
+            name: sorted({*kind.outputs, *(topic for topic in kind.wired if topic not in by_others)})
+            for name, kind in kinds.items()
+        } | {_LAUNCHER: [ALIVE.name]}
         names = [*names, _LAUNCHER] if names else []
         known = {topic for topics in outputs.values() for topic in topics}
         strangers = sorted(topic for topic in rates or {} if topic in TOPICS and topic not in known)

@@ -1,4 +1,4 @@
-"""A live host: one service, one loop, one queue, over Zenoh and in real time.
+"""A live host: one service, one loop, one queue, over Zenoh and in real time; and its wire, where it has one.
 
 Run by the launcher as `python -m runtime.live.host NAME ...`. The loop decides what comes next (a due timer before
 waiting messages) and the journal says what it decided, so that a replay decides the same.
@@ -16,7 +16,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from types import FrameType
 
-import msgspec
 import zenoh
 from google.protobuf.message import Message
 
@@ -28,18 +27,14 @@ from runtime.live.beat import beat
 from runtime.live.clock import Clock
 from runtime.live.config import LiveConfig
 from runtime.live.inbox import Arrivals, Busy, Inbox
-from runtime.live.sent import Missing, Sent
+from runtime.live.outlet import Outlet
+from runtime.live.wire import Wire
 from runtime.messages import Health, InputHealth, Reply, Request, Snapshot
 from runtime.node import Node
 from runtime.sample import INCARNATION, BadMessage, Sample
 from runtime.time import SECOND, Time, nanoseconds, seconds
 from runtime.topics import TOPICS, Delivery
 
-_PRIORITY = {
-    "command": zenoh.Priority.REAL_TIME,
-    "odometry": zenoh.Priority.REAL_TIME,
-    "image": zenoh.Priority.DATA_LOW,
-}
 _Entry = tuple[Sample, Message] | tuple[str, zenoh.Query]
 _OnQuery = Callable[[zenoh.Query], None]
 
@@ -54,6 +49,7 @@ class LiveHost:
     Args:
         incarnation: how often this service was restarted in this session.
         last: a snapshot to go on from.
+        wire: joins the service to a device or a socket. What it brings is published here, and by nobody else.
     """
 
     def __init__(
@@ -64,6 +60,7 @@ class LiveHost:
         config: LiveConfig,
         incarnation: int = 0,
         last: Snapshot | None = None,
+        wire: Wire | None = None,
     ) -> None:
         self._node = node
         self._session = session
@@ -74,12 +71,13 @@ class LiveHost:
         self._clock = Clock()
         contract = node.contract
         latest = frozenset(name for name, one in contract.inputs.items() if one.delivery is Delivery.LATEST)
-        self._arrivals: Arrivals[zenoh.Sample | zenoh.Query] = Arrivals()
+        self._wire = wire
+        self._brought = incarnation * INCARNATION
+        self._arrivals: Arrivals[zenoh.Sample | zenoh.Query | Message] = Arrivals()
         self._inbox: Inbox[_Entry] = Inbox(latest)
         self._stopped = threading.Event()
-        self._publishers: dict[str, tuple[zenoh.Publisher, bool]] = {}
-        self._latched: dict[str, Sample] = {}
-        self._sent = Sent(config.kept)
+        self._outlet = Outlet(node.name, session, keys, config.kept, wire)
+        self._send = self._outlet.send
         self._requests = incarnation * INCARNATION
         self._busy = Busy()
         self._complained: dict[str, float] = {}
@@ -95,25 +93,32 @@ class LiveHost:
         try:
             self._send(self._node.begin(self._clock.now(), self._incarnation, self._last))
             self._ask_for_latched()
+            if self._wire is not None:
+                bring, topic = self._arrivals.put, self._wire.brings
+                self._wire.open(lambda message: bring(topic, message), self._clock.now)
             # What is there by now stays: the collector of garbage need not go through it again and again.
             gc.freeze()
             self._loop()
             self._send(self._node.end(self._clock.now()))
-            self._see_off()
+            self._outlet.see_off()
         finally:
+            if self._wire is not None:
+                self._wire.close()
             for one in declared:
                 one.undeclare()
 
     def _declare(self) -> list[zenoh.Subscriber[None] | zenoh.Queryable[None] | zenoh.LivelinessToken]:
         session, keys, contract = self._session, self._keys, self._node.contract
         declared: list[zenoh.Subscriber[None] | zenoh.Queryable[None] | zenoh.LivelinessToken] = [
-            session.declare_subscriber(keys.topic(topic), self._receiver(topic)) for topic in contract.inputs
+            session.declare_subscriber(keys.topic(topic), self._receiver(topic))
+            for topic in contract.inputs
+            if self._wire is None or topic != self._wire.brings
         ]
         declared += [session.declare_queryable(keys.request(name), self._asker(name)) for name in contract.requests]
         latched = [topic for topic in contract.outputs if TOPICS[topic].latched]
-        declared += [session.declare_queryable(keys.latched(topic), self._teller(topic)) for topic in latched]
+        declared += [session.declare_queryable(keys.latched(topic), self._outlet.teller(topic)) for topic in latched]
         declared.append(session.declare_queryable(keys.snapshot(self._node.name), self._asker("@snapshot")))
-        declared.append(session.declare_queryable(keys.sent(self._node.name), self._send_again))
+        declared.append(session.declare_queryable(keys.sent(self._node.name), self._outlet.send_again))
         declared.append(session.liveliness().declare_token(keys.node(self._node.name)))
         return declared
 
@@ -201,7 +206,7 @@ class LiveHost:
         put = self._arrivals.put
         return lambda sample: put(topic, sample)
 
-    def _take(self, arrival: tuple[str, zenoh.Sample | zenoh.Query] | None) -> None:
+    def _take(self, arrival: tuple[str, zenoh.Sample | zenoh.Query | Message] | None) -> None:
         """Look at what came."""
         if arrival is None:
             return
@@ -209,6 +214,8 @@ class LiveHost:
         if isinstance(what, zenoh.Sample):
             attachment = what.attachment
             self._accept(name, bytes(what.payload), None if attachment is None else bytes(attachment))
+        elif isinstance(what, Message):
+            self._bring(name, what)
         elif not self._inbox.ask((name, what)):
             what.reply_err(f"'{name}': too many requests wait")
             what.drop()
@@ -238,61 +245,22 @@ class LiveHost:
         put = self._arrivals.put
         return lambda query: put(name, query)
 
-    def _teller(self, topic: str) -> _OnQuery:
-        def tell(query: zenoh.Query) -> None:
-            sample = self._latched.get(topic)
-            if sample is not None:
-                _reply(query, sample)
-            query.drop()
-
-        return tell
-
-    def _send(self, samples: list[Sample]) -> None:
-        for sample in samples:
-            publisher, latched = self._publishers.get(sample.topic) or self._publisher(sample.topic)
-            if latched:
-                self._latched[sample.topic] = sample
-            _put(publisher, sample)
-            self._sent.add(sample)
-
-    def _send_again(self, query: zenoh.Query) -> None:
-        """Answer what a recorder missed. On Zenoh's thread: the loop is not held up."""
+    def _bring(self, topic: str, message: Message) -> None:
+        """Number and publish what the wire brought, and put it in the queue: by its name the journal tells of it."""
+        self._brought += 1
+        payload = message.SerializeToString(deterministic=True)
+        sample = Sample(topic, self._brought, self._clock.now(), payload)
         try:
-            missing = msgspec.json.decode(b"" if query.payload is None else bytes(query.payload), type=Missing)
-        except msgspec.MsgspecError as error:
-            query.reply_err(f"'{self._node.name}': {error}")
-        else:
-            for sample in self._sent.find(missing):
-                _reply(query, sample)
-        query.drop()
-
-    def _see_off(self) -> None:
-        """Wait until the hub has what was sent: a session that closes throws away what still waits for its link.
-
-        A question that nobody answers is of the priority of most messages, and comes after them.
-        """
-        with suppress(zenoh.ZError):  # the link is gone, and what was sent with it
-            for _ in self._session.get(self._keys.sent("nobody"), timeout=_LATCHED_LIMIT):
-                pass
+            # As from anywhere else: here is the edge.
+            entry = (sample, self._node.parsed(sample))
+        except BadMessage as error:
+            self._complain(topic, str(error))
+            return
+        self._outlet.publish(sample)
+        self._inbox.put(sample, entry)
 
     def _remind(self, _: Time) -> None:
-        """Send latched values again: who was cut off when one came must not go on with the one before.
-
-        Else a base would be driven on after its push was ended, since nobody told the controller. Consumers and
-        recorders know the number and leave it out.
-        """
-        for topic, sample in self._latched.items():
-            _put(self._publishers[topic][0], sample)
-
-    def _publisher(self, topic: str) -> tuple[zenoh.Publisher, bool]:
-        publisher = self._session.declare_publisher(
-            self._keys.topic(topic),
-            # Never wait for a subscriber that may stall: what is lost shows as a gap in the sequence.
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=_PRIORITY.get(topic, zenoh.Priority.DATA),
-        )
-        found = self._publishers[topic] = (publisher, topic in TOPICS and TOPICS[topic].latched)
-        return found
+        self._outlet.remind()
 
     def _flush(self, now: Time) -> None:
         batch = self._node.flush(now)
@@ -341,14 +309,6 @@ class LiveHost:
         if now - self._complained.get(topic, -_LOG_EVERY) >= _LOG_EVERY:
             self._complained[topic] = now
             print(f"{self._node.name}: refused: {text}", file=sys.stderr, flush=True)
-
-
-def _put(publisher: zenoh.Publisher, sample: Sample) -> None:
-    publisher.put(sample.payload, attachment=envelope.pack(sample.sequence, sample.time))
-
-
-def _reply(query: zenoh.Query, sample: Sample) -> None:
-    query.reply(str(query.key_expr), sample.payload, attachment=envelope.pack(sample.sequence, sample.time))
 
 
 def stop_on_signals(host: LiveHost) -> None:

@@ -46,11 +46,12 @@ def serve(name: str, plan: Plan, incarnation: int, resume: Path | None) -> None:
         PushlaneError: it cannot start, or its service broke its contract.
     """
     kind = registry.service_class(name)
-    service = kind(msgspec.convert(plan.sections[name], kind.Config))
+    config = msgspec.convert(plan.sections[name], kind.Config)
+    service, wire = kind(config), registry.wire(name, plan.nodes, config)
     live = msgspec.convert(plan.sections.get("live", {}), LiveConfig)
     last = Snapshot.FromString(resume.read_bytes()) if resume is not None else None
     with client(plan.bus(), _PATIENCE) as session, Guard() as guard:
-        host = LiveHost(Node(service, guard), session, Keys(plan.robot), live, incarnation, last)
+        host = LiveHost(Node(service, guard), session, Keys(plan.robot), live, incarnation, last, wire)
         stop_on_signals(host)
         host.run()
 

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.session import NODES, prepare
+from experiments.session import prepare
+from experiments.systems import NODES, REAL
 from runtime import registry
 from runtime.bus.access import access_control
 from runtime.bus.config import BusConfig
@@ -20,7 +21,7 @@ from runtime.cli.options import bus_of, layers
 from tests.figures import Figures
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
-SYSTEMS = ("simulation", "laptop", "robot", "robot-and-laptop")
+SYSTEMS = ("simulation", "laptop", "robot", "robot-and-laptop", "robotino-rest", "robotino-serial")
 UNITS = sorted((DEPLOY / "systemd").glob("*.service"))
 LARGEST_EXPOSURE = 1.5
 
@@ -39,10 +40,12 @@ def test_every_file_is_looked_at() -> None:
 def test_a_system_loads_and_gives_every_service_to_one_host(name: str) -> None:
     found = layers(DEPLOY / f"{name}.toml", None)
     hosts = found[0].values.pop("hosts", {})
-    bus = prepare(found).effective.sections["bus"]
+    session = prepare(found)
+    bus = session.effective.sections["bus"]
     assert isinstance(bus, BusConfig)
+    assert session.nodes == REAL.get(name, NODES)
     if hosts:
-        assert sorted(one for services in hosts.values() for one in services) == sorted(NODES)
+        assert sorted(one for services in hosts.values() for one in services) == sorted(session.nodes)
     if bus.access is None:
         places = (*bus.listen, *bus.connect)
         assert all("/127.0.0.1:" in place for place in places), "without access control it stays on loopback"

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from experiments.scoring import Judge
-from experiments.session import SYSTEMS, prepare, run
+from experiments.session import prepare, run
+from experiments.systems import SYSTEMS
 from replays import report
 from replays.recording import load
 from replays.replay import replay

@@ -11,7 +11,8 @@ import pytest
 from experiments.beyond.cases import SENSES, sensing, tasks
 from experiments.beyond.tables import sensors
 from experiments.paper.trial import Outcome
-from experiments.session import SYSTEMS, prepare, run
+from experiments.session import prepare, run
+from experiments.systems import SYSTEMS
 from experiments.tracking import Watched, table
 from replays import report
 from replays.recording import load

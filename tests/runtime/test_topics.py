@@ -5,7 +5,7 @@ from importlib import import_module
 import pytest
 from google.protobuf.message import Message
 
-from experiments.session import SYSTEMS
+from experiments.systems import SYSTEMS
 from runtime import messages, topics
 from runtime.errors import PushlaneError
 from runtime.recorder.schema import message_type

@@ -13,11 +13,11 @@ from math import dist
 from drivers.robotino.driver import BaseState, RobotinoDriver
 from drivers.robotino.gate import STILL
 from drivers.robotino.odometry import way
-from drivers.robotino.rest import shapes
+from drivers.robotino.rest import laser, shapes
 from drivers.robotino.rest.config import RestConfig
 from drivers.robotino.rest.shapes import BadShape, OdometryAnswer
 from runtime import topics
-from runtime.messages import HttpAnswer, HttpFault, HttpRequest, LaserScan
+from runtime.messages import HttpAnswer, HttpFault, HttpRequest
 from runtime.service import Effects, Input, Output, Publication, Timer, on
 from runtime.time import SECOND, Time, nanoseconds
 
@@ -28,7 +28,7 @@ SENSORS = {
     "odometry": "/data/odometry",
     "ranges": "/data/distancesensorarray",
     "bumper": "/data/bumper",
-    "scan": "/data/scan0",
+    laser.LANE: laser.PATH,
     "power": "/data/powermanagement",
 }
 _LANES = {path: lane for lane, path in SENSORS.items()}
@@ -70,7 +70,7 @@ class RobotinoRest(RobotinoDriver):
     name = "robotino-rest"
     Config = RestConfig
 
-    answer = Input(topics.HTTP_ANSWER)
+    answer = Input(topics.HTTP_ANSWER, wired=True)
     scan = Output(topics.SCAN)
     request = Output(topics.HTTP_REQUEST)
     tick = Timer(_PERIOD)
@@ -197,13 +197,4 @@ class RobotinoRest(RobotinoDriver):
         if found.sequence == self.state.scanned:
             return  # the laser has nothing new
         self.state.scanned = found.sequence
-        message = LaserScan(
-            frame_id="base",
-            start_angle=found.first + self.config.laser_yaw,
-            end_angle=found.last + self.config.laser_yaw,
-            ranges=[one if one > 0.0 else found.farthest for one in found.ranges],
-        )
-        message.timestamp.seconds, message.timestamp.nanos = divmod(now, SECOND)
-        message.pose.position.x, message.pose.position.y = self.config.laser_x, self.config.laser_y
-        message.pose.orientation.w = 1.0
-        yield self.scan(message)
+        yield self.scan(laser.message(found, self.config, now))

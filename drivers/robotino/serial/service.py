@@ -79,7 +79,7 @@ class RobotinoSerial(RobotinoDriver):
     name = "robotino-serial"
     Config = SerialConfig
 
-    received = Input(topics.SERIAL_RECEIVED)
+    received = Input(topics.SERIAL_RECEIVED, wired=True)
     sent = Output(topics.SERIAL_SENT)
     poll = Timer(_PERIOD)
 

@@ -11,7 +11,7 @@ import zenoh
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 
-from experiments.session import NODES
+from experiments.systems import NODES
 from replays import report
 from replays.recording import load
 from replays.replay import replay

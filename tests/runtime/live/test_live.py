@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.session import NODES
+from experiments.systems import NODES
 from replays import report
 from replays.recording import Recording, load
 from replays.replay import replay

@@ -21,7 +21,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from experiments.session import NODES, prepare
+from experiments.session import prepare
+from experiments.systems import NODES
 from replays import chain, report
 from replays.recording import Recording, load
 from replays.replay import replay

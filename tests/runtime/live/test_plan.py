@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from experiments.session import NODES, prepare
+from experiments.session import prepare
+from experiments.systems import NODES
 from runtime.bus.config import BusConfig
 from runtime.config.layers import Layer
 from runtime.live.launcher import Launcher, PlanDiffers

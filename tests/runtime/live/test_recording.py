@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from experiments.session import NODES, Session, prepare
+from experiments.session import Session, prepare
+from experiments.systems import NODES
 from replays import report
 from replays.recording import Recording, Unusable, load
 from replays.replay import replay

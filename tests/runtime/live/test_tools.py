@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from experiments.session import NODES
+from experiments.systems import NODES
 from replays.inspect import to_rrd
 from replays.inspect.live import Feed, LiveCanvas, show_live
 from runtime import registry

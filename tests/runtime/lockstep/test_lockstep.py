@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.session import NODES, prepare, run
+from experiments.session import prepare, run
+from experiments.systems import NODES
 from replays.recording import load
 from replays.replay import replay
 from runtime.bus.config import BusConfig
