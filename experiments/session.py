@@ -37,8 +37,11 @@ from services.names import CONTROLLERS, STRATEGIES
 if TYPE_CHECKING:
     from runtime.lockstep.run import Spread
 
-_ON_OWN_MAP = {"unknown": "free", "apart": True, "spare": 0.1, "steady": True, "threshold": 0.1}
-"""Settings of corridor for maps of sensors: they grow, are off by centimetres, and leave out object and robot."""
+_SENSED = {
+    "corridor": {"unknown": "free", "apart": True, "spare": 0.1, "steady": True, "threshold": 0.1},
+    "task": {"shared": True},
+}
+"""Settings where all is seen from the robot: maps grow, are off by centimetres, and leave out object and robot."""
 
 S = TypeVar("S", bound=msgspec.Struct)
 
@@ -117,7 +120,7 @@ def _real(system: SystemConfig, sim: SimConfig, layers: Sequence[Layer]) -> Sess
     mapping: dict[str, Any] = {"seed": sim.seed}
     if system.map:
         mapping |= {"known": _known(system.map, None), "search": True}
-    drawn = Layer(f"a real base, {system.base}", {"mapping": mapping, "corridor": _ON_OWN_MAP})
+    drawn = Layer(f"a real base, {system.base}", {"mapping": mapping, **_SENSED})
     nodes = REAL[system.base]
     if not any("opencv-camera" in layer.values for layer in layers):
         raise ConfigError(
@@ -272,6 +275,6 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
             "height": body.height,
             "diameter": body.diameter if sim.tagged else 0.0,
         },
-        "corridor": _ON_OWN_MAP if sim.perception == "sensors" else {},
+        **(_SENSED if sim.perception == "sensors" else {}),
     }
     return Layer(f"scene {sim.scene}, object {name}, seed {sim.seed}", values), room.goal

@@ -41,6 +41,13 @@ class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     rest_turn: Annotated[
         float, Meta(gt=0, le=10, description="rad/s below which it does, where an orientation is wanted")
     ] = 0.2
+    shared: Annotated[
+        bool,
+        Meta(
+            description="the object is seen from the robot: the error of the robot's own place is in every observation, "
+            "and no mean of them lessens it"
+        ),
+    ] = False
     time_limit: Annotated[float, Meta(gt=0, le=36000, description="s, of goals that state none")] = 400.0
     violation_tolerance: Annotated[
         float,

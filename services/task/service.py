@@ -250,6 +250,8 @@ class TaskService(Service):
             return False
         left, yaw_left, count = status.distance_left, status.yaw_left, 1
         variance = max(object.covariance[0], object.covariance[3]) if object.covariance else 0.0
+        shared = min(self._shared(), variance)
+        variance -= shared
         if goal.strategy == "predictive":
             arrival = self.state.arrival
             rest = max(config.rest, arrival.needed(variance, config.rest_speed))
@@ -266,9 +268,18 @@ class TaskService(Service):
             left = math.hypot(goal.position.x - x, goal.position.y - y) + age * speed
             yaw_left = abs(difference(yaw, goal.yaw)) + age * turning
             count = len(arrival.seen)
-        if left + 2.0 * math.sqrt(variance / count) > goal.precision:
+        # Where so little is known that no place would do, within half of the precision is as sure as it gets.
+        doubt = min(2.0 * math.sqrt(shared + variance / count), 0.5 * goal.precision)
+        if left + doubt > goal.precision:
             return False
         return not turned or yaw_left + 2.0 * math.sqrt(object.yaw_variance / count) <= goal.yaw_precision
+
+    def _shared(self) -> float:
+        """Return the variance, m^2, that the robot's own place puts into every observation of the object."""
+        if not self.config.shared or self.robot is None or len(self.robot.covariance) != 9:
+            return 0.0
+        covariance = self.robot.covariance
+        return max(covariance[0], covariance[4])
 
     def _failure(self, now: Time) -> FailureCause:
         """Return why the push has failed, or none while it has not."""

@@ -47,10 +47,17 @@ def followed(
     yaw: float | None = None,
     config: TaskConfig | None = None,
     seed: int = 1,
+    lost: float = 0.0,
 ) -> tuple[float, PushStatus]:
-    """Return when the push ended, s, inf if it did not, and the status last heard, of an object that moves so."""
+    """Return when the push ended, s, inf if it did not, and the status last heard, of an object that moves so.
+
+    Args:
+        lost: m, deviation of the robot's own place, the same error all the time, which is in the object's too.
+    """
     generator = np.random.Generator(np.random.PCG64(seed))
     said: list[Sample] = []
+    wrong = lost * generator.standard_normal(2)
+    variance = noise**2 + lost**2
     with Guard() as guard:
         node = Node(TaskService(config or TaskConfig()), guard)
         node.begin(0)
@@ -60,13 +67,13 @@ def followed(
 
         def observed(now: int) -> ObjectState:
             x, y, angle = motion(now * 1e-9)
-            dx, dy = noise * generator.standard_normal(2)
+            dx, dy = noise * generator.standard_normal(2) + wrong
             return ObjectState(
                 stamp=now,
                 position=Vector2(x=x + dx, y=y + dy),
                 diameter=0.3,
                 visibility=Visibility.VISIBLE,
-                covariance=[noise**2, 0.0, 0.0, noise**2],
+                covariance=[variance, 0.0, 0.0, variance],
                 yaw=angle,
             )
 
@@ -81,7 +88,9 @@ def followed(
         tell("corridor", corridor, 1, 3)
         for k in range(1, round(seconds / period) + 1):
             now = round(k * period * 1e9)
-            tell("robot/pose", RobotPose(stamp=now, pose=Pose2(x=1.0 + 0.001 * k, y=0.2)), k, now)
+            place = [lost**2, 0.0, 0.0, 0.0, lost**2, 0.0, 0.0, 0.0, 0.0]
+            pose = RobotPose(stamp=now, pose=Pose2(x=1.0 + 0.001 * k, y=0.2), covariance=place)
+            tell("robot/pose", pose, k, now)
             tell("object/state", observed(now), k + 1, now)
             said.extend(node.fire("report", k, now, now))
             status = [PushStatus.FromString(one.payload) for one in said if one.topic == "push/status"][-1]
@@ -106,6 +115,27 @@ def test_what_rests_halfway_to_the_precision_is_delivered_whatever_the_noise(noi
 def test_what_rests_outside_is_not(noise: float) -> None:
     times = [followed(at_rest(0.06), noise=noise, seed=seed)[0] for seed in range(20)]
     assert times == [math.inf] * 20
+
+
+def test_what_the_robot_is_wrong_about_itself_is_in_all_observations() -> None:
+    """5 mm too far off; the robot is lost by 15 mm. The mean of many observations proves nothing then."""
+    seen_from_robot = TaskConfig(shared=True)
+    taken = [followed(at_rest(0.055), noise=0.002, lost=0.015, seed=seed, seconds=4.0) for seed in range(40)]
+    assert sum(time < math.inf for time, _ in taken) > 3  # P(N(0, 1) > 1) = 16 %
+    said = [
+        followed(at_rest(0.055), noise=0.002, lost=0.015, seed=seed, seconds=4.0, config=seen_from_robot)
+        for seed in range(40)
+    ]
+    # What lies within two deviations inside passes: P(N(0, 1) > 2 + 1/3) = 1 %.
+    assert sum(time < math.inf for time, _ in said) <= 2
+    assert followed(at_rest(0.015), lost=0.015, config=seen_from_robot)[1].outcome == PushOutcome.DELIVERED
+
+
+def test_where_two_deviations_are_more_than_the_precision_half_of_it_is_enough() -> None:
+    """0.04 m of doubt at a precision of 0.05 m: else nothing could ever be delivered."""
+    seen_from_robot = TaskConfig(shared=True)
+    inside = [followed(at_rest(0.0), lost=0.04, config=seen_from_robot, seed=seed, seconds=4.0) for seed in range(60)]
+    assert 0 < sum(time < math.inf for time, _ in inside) < 40
 
 
 @pytest.mark.parametrize("period", [0.05, 0.3, 1.0])
