@@ -1,22 +1,19 @@
 """One connection to a base, and one HTTP exchange after the other over it, each whole before its deadline or failed.
 
-h11 reads and writes HTTP; the socket is ours, since the time-outs of HTTP clients are those of a single read, and a server
-that drips bytes outlasts them.
+h11 reads and writes HTTP; the socket is ours, since the time-outs of HTTP clients are those of a single read, and a
+server that drips bytes outlasts them.
 """
 
 from __future__ import annotations
 
-import select
 import socket
-import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass
-from urllib.parse import urlsplit
 
 import h11
 
-from runtime.errors import PushlaneError
+from drivers.robotino.rest.connecting import Address, Failed, Search, is_quiet, late, left
 from runtime.messages import HttpFault
 
 MOST = 2 * 2**20
@@ -26,21 +23,6 @@ _READ = 64 * 1024
 _HTTP = b"HTTP/"
 _REPEATABLE = ("GET", "PUT")
 JSON = "application/json"
-
-Address = tuple[socket.AddressFamily, tuple[str | int, ...]]
-
-
-class BadUrl(PushlaneError):
-    """The URL of a base is none that can be asked."""
-
-
-class Failed(Exception):
-    """An exchange that brought no answer: its kind, and why. `connected`: the base took the connection."""
-
-    def __init__(self, fault: HttpFault.ValueType, reason: str, connected: bool = True) -> None:
-        super().__init__(reason)
-        self.fault = fault
-        self.connected = connected
 
 
 @dataclass(frozen=True)
@@ -52,35 +34,18 @@ class Answer:
     body: bytes
 
 
-def parsed(url: str) -> tuple[str, int]:
-    """Return host and port of the URL of a base.
-
-    Raises:
-        BadUrl: it is not http, has no host or an impossible port, or says more than these.
-    """
-    expected = f"url {url!r}, expected http://HOST or http://HOST:PORT, as in http://172.26.1.1"
-    try:
-        parts = urlsplit(url)
-        host, port = parts.hostname, parts.port
-    except ValueError as error:
-        raise BadUrl(f"{expected} ({error})") from error
-    more = parts.path not in ("", "/") or parts.query or parts.fragment or "@" in parts.netloc
-    if parts.scheme != "http" or not host or port == 0 or more or not host.isascii() or any(map(str.isspace, url)):
-        raise BadUrl(expected)
-    return host, port or 80
-
-
 class Connection:
     """To one base. `ask` is for one thread; `abort` and `end` may be called by another."""
 
     def __init__(self, host: str, port: int) -> None:
         self._host, self._port = host, port
         self._name = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
-        self._search: _Search | None = None
+        self._search: Search | None = None
         self._line: socket.socket | None = None
         self._http: h11.Connection | None = None
         self._head = b""
         self._gone = False
+        self._aborted = False
         self._ended = False
 
     def ask(self, method: str, path: str, body: bytes, seconds: float) -> Answer:
@@ -95,6 +60,7 @@ class Connection:
             Failed: there is none. The connection is dropped, and the next request opens another.
         """
         until = time.monotonic() + seconds
+        self._aborted = False
         reused = self._open()
         while True:
             try:
@@ -103,8 +69,8 @@ class Connection:
                 return self._exchange(method, path, body, until)
             except Failed as failed:
                 self.drop()
-                again = reused and not self._head and failed.fault == HttpFault.HTTP_CUT and method in _REPEATABLE
-                if self._ended or not again:
+                expired = reused and not self._head and failed.fault == HttpFault.HTTP_CUT
+                if not expired or self._aborted or method not in _REPEATABLE:
                     raise
                 reused = False
             except BaseException:
@@ -119,6 +85,7 @@ class Connection:
 
     def abort(self) -> None:
         """Let the exchange that is under way fail now."""
+        self._aborted = True
         line = self._line
         if line is not None:
             with suppress(OSError):
@@ -133,9 +100,7 @@ class Connection:
         """Return whether there is a connection as it should be: one where bytes wait, or their end, is not."""
         if self._http is None or self._line is None:
             return False
-        poll = select.poll()  # select.select would fail from the 1024th file on
-        poll.register(self._line, select.POLLIN)
-        if not poll.poll(0):
+        if is_quiet(self._line):
             return True
         self.drop()
         return False
@@ -145,13 +110,13 @@ class Connection:
         for family, address in self._addresses(until):
             self._line = line = socket.socket(family, socket.SOCK_STREAM)
             try:
-                line.settimeout(_left(until, connected=False))
+                line.settimeout(left(until, connected=False))
                 line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 if self._ended:
                     raise Failed(HttpFault.HTTP_CUT, "ended by us", connected=False)
                 line.connect(address)
             except TimeoutError as error:
-                raise _late(connected=False) from error
+                raise late(connected=False) from error
             except OSError as error:
                 reason = str(error)
                 self.drop()
@@ -161,8 +126,8 @@ class Connection:
         raise Failed(HttpFault.HTTP_REFUSED, f"{self._name}: {reason}", connected=False)
 
     def _addresses(self, until: float) -> list[Address]:
-        search = self._search = self._search or _Search(self._host, self._port)
-        search.join(_left(until, connected=False))
+        search = self._search = self._search or Search(self._host, self._port)
+        search.join(left(until, connected=False))
         if search.is_alive():
             raise Failed(HttpFault.HTTP_TIMEOUT, f"{self._host} not looked up in time", connected=False)
         self._search = None
@@ -197,11 +162,11 @@ class Connection:
         line, rest = self._line, memoryview(data)
         assert line is not None
         while rest:
-            line.settimeout(_left(until))
+            line.settimeout(left(until))
             try:
                 rest = rest[line.send(rest) :]
             except TimeoutError as error:
-                raise _late() from error
+                raise late() from error
             except OSError as error:
                 raise Failed(HttpFault.HTTP_CUT, f"{self._name}: {error}") from error
 
@@ -226,11 +191,11 @@ class Connection:
     def _more(self, until: float) -> bytes:
         line = self._line
         assert line is not None
-        line.settimeout(_left(until))
+        line.settimeout(left(until))
         try:
             data = line.recv(_READ)
         except TimeoutError as error:
-            raise _late() from error
+            raise late() from error
         except OSError as error:
             raise Failed(HttpFault.HTTP_CUT, f"{self._name}: {error}") from error
         self._gone = not data
@@ -238,36 +203,3 @@ class Connection:
         if not _HTTP.startswith(self._head):
             raise Failed(HttpFault.HTTP_MALFORMED, f"no HTTP: {data[:40]!r}")
         return data
-
-
-class _Search(threading.Thread):
-    """Looks a name up in a thread of its own, since that cannot be cut short."""
-
-    def __init__(self, host: str, port: int) -> None:
-        super().__init__(name=f"look up {host}", daemon=True)
-        self._host, self._port = host, port
-        self.found: list[Address] = []
-        self.reason = ""
-        self.start()
-
-    def run(self) -> None:
-        """Look up."""
-        try:
-            found = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
-            self.found = [(one[0], one[4]) for one in found]
-        except (OSError, UnicodeError) as error:
-            self.reason = str(error)
-
-
-def _late(connected: bool = True) -> Failed:
-    return Failed(
-        HttpFault.HTTP_TIMEOUT, "no whole answer in time" if connected else "no connection in time", connected
-    )
-
-
-def _left(until: float, connected: bool = True) -> float:
-    """Return the seconds until then, or fail."""
-    left = until - time.monotonic()
-    if left <= 0.0:
-        raise _late(connected)
-    return left

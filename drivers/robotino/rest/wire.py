@@ -11,7 +11,8 @@ from collections.abc import Callable
 
 from google.protobuf.message import Message
 
-from drivers.robotino.rest.exchange import Answer, Connection, Failed, parsed
+from drivers.robotino.rest.connecting import Failed, parsed
+from drivers.robotino.rest.exchange import Answer, Connection
 from drivers.robotino.rest.service import DRIVE
 from runtime.live.wire import Bring
 from runtime.messages import HttpAnswer, HttpFault, HttpRequest
@@ -40,7 +41,7 @@ class HttpWire:
     def __init__(self, url: str) -> None:
         self._host, self._port = parsed(url)
         self._lanes: dict[str, _Lane] = {}
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._bring: Bring | None = None
         self._now: Callable[[], Time] = int
         self._closing = False
@@ -158,5 +159,5 @@ class _Lane:
             return self._connection.ask(request.method, request.path, request.body, request.timeout / SECOND)
         except Failed as failed:
             return failed
-        except Exception as error:  # noqa: BLE001 - the lane of the drive must not end by what nobody thought of
+        except Exception as error:  # the lane of the drive must not end by what nobody thought of
             return Failed(HttpFault.HTTP_MALFORMED, f"{type(error).__name__}: {error}")
