@@ -1,8 +1,8 @@
 """A double of the REST server and the controld3 behind it, as on image 2.0.17 (reference 1).
 
-It is given requests and the time, and drives a `Plant`; it reads no clock and no socket. Not there: management (programs,
-network, services); reads of these get what an unknown path gets, and writes 400. Every session has one and the same role,
-where the real one keeps one of each `sid`.
+It is given requests and the time, and drives a `Plant`; it reads no clock and no socket. Not there: management
+(programs, network, services); reads of these get what an unknown path gets, and writes 400. All sessions have one role,
+where the real one keeps a role of each `sid`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 
 from drivers.robotino.kinematics import ROBOTINO_3_4, Twist, ramped
 from drivers.robotino.plant import Plant
+from drivers.robotino.rest.picture import drawn
 
 VXMAX, VYMAX, OMEGAMAX = 2.0, 2.0, 3.0
 """restapid.conf: beyond these a command is replaced by zero, and answered with 400"""
@@ -197,8 +198,6 @@ class Restapid:
         return _json({"value": plant.bumper})
 
     def _image(self, plant: Plant) -> Response:
-        from drivers.robotino.rest.picture import drawn
-
         return Response(200, "image/png", drawn(plant.distances, plant.bumper))
 
     def _power(self, _: Plant) -> Response:
