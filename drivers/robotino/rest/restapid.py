@@ -1,7 +1,8 @@
 """A double of the REST server and the controld3 behind it, as on image 2.0.17 (reference 1).
 
-It is given requests and the time, and drives a `Plant`; it reads no clock and no socket. Not there: /sensorimage, and
-management (programs, network, services); reads of these get what an unknown path gets, and writes 400.
+It is given requests and the time, and drives a `Plant`; it reads no clock and no socket. Not there: management
+(programs, network, services); reads of these get what an unknown path gets, and writes 400. All sessions have one role,
+where the real one keeps a role of each `sid`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from drivers.robotino.kinematics import ROBOTINO_3_4, Twist, ramped
 from drivers.robotino.plant import Plant
+from drivers.robotino.rest.picture import drawn
 
 VXMAX, VYMAX, OMEGAMAX = 2.0, 2.0, 3.0
 """restapid.conf: beyond these a command is replaced by zero, and answered with 400"""
@@ -31,6 +33,7 @@ _ROUNDING = 1e-6
 _SCAN = 0.1
 _CAMERA_DROPPED = 10.0
 """s without a request after which the camera is let go"""
+_ROLES = ("guest", "operator", "administrator")
 JSON = "application/json"
 
 
@@ -58,7 +61,8 @@ class Restapid:
         published, sequence: odometry as it is read, and its counter. scan: that of the laser.
         camera: s, of the last request of a picture, or -1.
         picture: a JPEG that /cam0 gives; none: no camera.
-        outputs, relays: written states.
+        outputs, relays, power: written states; power in percent.
+        role: guest, operator or administrator: a guest may not write.
     """
 
     idle: float = 0.5
@@ -77,6 +81,7 @@ class Restapid:
     picture: bytes = b""
     outputs: list[bool] = field(default_factory=lambda: [False] * 8)
     relays: list[bool] = field(default_factory=lambda: [False] * 2)
+    power: float = 0.0
     role: str = "administrator"
 
     def advance(self, now: float, plant: Plant) -> None:
@@ -135,6 +140,10 @@ class Restapid:
             found = json.loads(body)
         except (ValueError, RecursionError):
             return Response(400)
+        if path == "/data/login":
+            return self._login(found)
+        if self.role == _ROLES[0]:
+            return Response(400)
         if path == "/data/omnidrive":
             return self._omnidrive(found)
         if path == "/data/digitaloutputarray" and _flags(found, 8):
@@ -145,9 +154,19 @@ class Restapid:
             self.outputs[found["num"]] = found["val"]
         elif path == "/data/relay" and _one(found, 2):
             self.relays[found["num"]] = found["val"]
+        elif path == "/data/poweroutput" and (percent := _percent(found)) is not None:
+            self.power = percent
         else:
             return Response(400)
         return Response(200)
+
+    def _login(self, found: object) -> Response:
+        """Take another role. Passwords are empty, as shipped."""
+        role = found.get("role") if isinstance(found, dict) else None
+        if role not in _ROLES:
+            return _json({"message": "unknown role", "success": False})
+        self.role = str(role)
+        return _json({"message": "", "success": True})
 
     def _omnidrive(self, found: object) -> Response:
         """Take a velocity. What lacks counts as 0, and so does all of what is no array."""
@@ -177,6 +196,9 @@ class Restapid:
 
     def _bumper(self, plant: Plant) -> Response:
         return _json({"value": plant.bumper})
+
+    def _image(self, plant: Plant) -> Response:
+        return Response(200, "image/png", drawn(plant.distances, plant.bumper))
 
     def _power(self, _: Plant) -> Response:
         low = self.volts < 17.2
@@ -234,6 +256,18 @@ def _one(found: object, count: int) -> bool:
     return isinstance(number, int) and not isinstance(number, bool) and 0 <= number < count and isinstance(value, bool)
 
 
+def _percent(found: object) -> float | None:
+    value = found.get("value") if isinstance(found, dict) else None
+    return float(value) if isinstance(value, int | float) and abs(value) <= 100 else None
+
+
+def _charger(number: int) -> dict[str, object]:
+    return {
+        "bat1temp": 25.0, "bat2temp": 25.0, "batteryVoltage": 24.0, "chargerNumber": number, "chargingCurrent": 0.0,
+        "state": "Idle", "state_number": 1, "time": 0, "version": "1.2.3",
+    }  # fmt: skip
+
+
 def _said(value: object) -> Callable[[Restapid, Plant], Response]:
     return lambda server, plant: _json(value)  # noqa: ARG005
 
@@ -250,12 +284,9 @@ _READ: dict[str, Callable[[Restapid, Plant], Response]] = {
     "/data/relaystatus": lambda server, plant: _json(server.relays),  # noqa: ARG005
     "/data/festoolcharger": lambda server, plant: Response(200),  # noqa: ARG005
     "/data/controllerinfo": _said({"TYPE": "CONTROLLERINFO", "payload": {"hardware": "3.0.0", "software": "1.2.3"}}),
-    "/data/charger0": _said(
-        {
-            "bat1temp": 25.0, "bat2temp": 25.0, "batteryVoltage": 24.0, "chargerNumber": 0, "chargingCurrent": 0.0,
-            "state": "Idle", "state_number": 1, "time": 0, "version": "1.2.3",
-        }
-    ),
+    "/data/charger0": _said(_charger(0)),
+    "/data/charger1": _said(_charger(1)),
     "/data/services": _said([]),
     "/data/userrole": lambda server, plant: _json({"role": server.role}),  # noqa: ARG005
-}  # fmt: skip
+    "/sensorimage": Restapid._image,
+}

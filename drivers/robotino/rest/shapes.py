@@ -11,6 +11,7 @@ from typing import cast
 from drivers.robotino.infrared import COUNT
 
 _MOST_BEAMS = 20_000
+_PINS = 8
 _FAR = 1e6
 _TEXT = 60
 
@@ -145,6 +146,30 @@ def scan(body: bytes) -> ScanAnswer:
     if not all(0.0 <= one <= farthest + 1.0 for one in beams):
         raise BadShape(f"ranges from {min(beams)} to {max(beams)} m, expected 0 to {farthest}")
     return ScanAnswer(int(sequence), first, first + step * (len(ranges) - 1), nearest, farthest, tuple(beams))
+
+
+def analog(body: bytes) -> tuple[float, ...]:
+    """Return what /data/analoginputarray says, (8,) V.
+
+    Raises:
+        BadShape: not eight voltages.
+    """
+    found = _numbers(read(body), _PINS, "analog inputs")
+    if not all(-1.0 <= one <= 11.0 for one in found):
+        raise BadShape(f"analog inputs {list(found)}, expected 0 to 10 V")
+    return tuple(found)
+
+
+def digital(body: bytes) -> tuple[bool, ...]:
+    """Return what /data/digitalinputarray says, (8,).
+
+    Raises:
+        BadShape: not eight truth values.
+    """
+    found = read(body)
+    if not isinstance(found, list) or len(found) != _PINS or not all(isinstance(one, bool) for one in found):
+        raise BadShape(f"digital inputs: {_short(found)}, expected {_PINS} truth values")
+    return tuple(found)
 
 
 def versions(body: bytes) -> tuple[str, str]:
