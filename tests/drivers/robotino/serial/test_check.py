@@ -93,9 +93,9 @@ def test_readings_that_cannot_be_are_bad_rows(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
-        (b"U-Boot 2013.04\r\nlogin: ", "24 bytes, but no answer in them: no frame"),
-        (ANSWERED[:-1] + b"\0", "35 bytes, but no answer in them: checksum f 0"),
-        (framed("fc03" + b"no!".hex() + "270100"), '14 bytes, but no answer in them: the board says "no!"'),
+        (b"U-Boot 2013.04\r\nlogin: ", "23 bytes, but no answer in them: no frame"),
+        (ANSWERED[:-1] + b"\0", "40 bytes, but no answer in them: checksum 8f f88f"),
+        (framed("fc03" + b"no!".hex() + "270100"), '13 bytes, but no answer in them: the board says "no!"'),
         (framed("0509"), "longer than"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The double on its pseudo-terminal, spoken to by pyserial and by the system alone, in captured frames (reference 2.7)."""
+"""The double on its terminal, spoken to by pyserial and by the system alone, in captured frames (reference 2.7)."""
 
 from __future__ import annotations
 

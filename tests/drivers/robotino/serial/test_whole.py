@@ -1,4 +1,4 @@
-"""Driver, wire, terminal and board together, in real time: what the wheels do while the line is spoiled or unplugged."""
+"""Driver, wire, terminal and board, in real time: what the wheels do while the line is spoiled or unplugged."""
 
 from __future__ import annotations
 
@@ -163,5 +163,7 @@ def test_a_board_that_hangs_and_one_that_is_reset(tmp_path: Path, figures: Figur
         rig.line.reset()
         rig.run(0.5)
         reset = rig.moves(True)
-        figures(f"board hangs: at rest after {hung:.3f} s; answers again: moves after {again:.3f} s; reset: {reset:.3f} s")
+        figures(
+            f"board hangs: at rest after {hung:.3f} s; answers again: moves after {again:.3f} s; reset: {reset:.3f} s"
+        )
         assert rig.faults("silent") == 1 and rig.faults("line") == 0

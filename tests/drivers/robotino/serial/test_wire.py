@@ -96,7 +96,7 @@ def test_the_last_word_is_written_and_nothing_is_brought_after_it(tmp_path: Path
     with plugged(tmp_path) as line:
         for _ in range(20):
             with wired(str(line.link)) as (wire, heard):
-                assert until(lambda: heard.states)  # noqa: B023
+                assert until(lambda: heard.states)
                 wire.carry(sent(b"go"))
                 wire.carry(sent(b"stop"))
             assert line.read(0.05).endswith(b"stop")
@@ -126,7 +126,7 @@ def test_the_last_word_waits_a_little_for_the_line(tmp_path: Path) -> None:
 
 
 def test_a_device_that_is_not_there_is_said_once_and_waited_for(tmp_path: Path) -> None:
-    with wired(str(tmp_path / "robotino")) as (wire, heard):
+    with wired(str(tmp_path / "robotino")) as (_, heard):
         assert until(lambda: heard.said)
         until(lambda: False, 0.8)
         assert [one.open for one in heard.said] == [False]
