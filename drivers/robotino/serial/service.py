@@ -129,7 +129,12 @@ class RobotinoSerial(RobotinoDriver):
                 state.asked, state.started = None, False
                 yield self.say("the serial line is there", now)
             else:
+                # Not only after a silence: with its line the link is down at once.
+                state.silent = True
                 yield from self._fault("line", received.fault or "closed", now)
+                yield self._status(now)
+        elif received.fault:
+            yield self.say(f"line: {received.fault}", now, "WARNING")
         for frame in state.decoder.feed(received.data):
             if frame.fault:
                 yield from self._fault(frame.fault, frame.detail, now)

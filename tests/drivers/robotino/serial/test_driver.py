@@ -119,6 +119,15 @@ def test_a_line_that_is_unplugged_and_plugged_again() -> None:
     assert rig.worst() < 1e-3 or rig.odometry[-1][0].pose.x > 0
 
 
+def test_a_line_that_goes_is_said_at_once_and_what_keeps_it_away_too() -> None:
+    rig = driven()
+    rig.plug(False)
+    assert rig.statuses[-1].link_down and rig.statuses[-1].stamp == rig.now
+    rig.hear(b"", False, "no permission for it")
+    assert any("no permission for it" in one for one in rig.said)
+    assert rig.faults("line") == 1, "it went once"
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_bytes_lost_put_in_and_flipped(seed: int) -> None:
     """1 in 1,000 of each, both ways, over 10 s: what is published is where the base is, and it keeps moving."""
