@@ -13,16 +13,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-import cv2
-import numpy as np
-
+from drivers.robotino.plant import Plant
 from drivers.robotino.rest.restapid import Response, Restapid
 from drivers.robotino.serial.board import Board
 from drivers.sapien import plant as simulated
-from drivers.sapien.base import BaseModel
 from drivers.sapien.camera import SapienCameraConfig
 from drivers.sapien.config import SapienConfig
-from drivers.sapien.look import Eye, Sight
+from drivers.sapien.painter import Painter, View
 from runtime.time import SECOND
 
 _PERIOD = 0.005
@@ -30,7 +27,7 @@ _PERIOD = 0.005
 _PICTURE_PERIOD = 0.1
 _WATCHED_FOR = 2.0
 """s after a request of a picture in which pictures are drawn"""
-CAMERA = "/cam0"
+CAMERA, SCAN = "/cam0", "/data/scan0"
 
 D = TypeVar("D", bound=simulated.Board)
 
@@ -61,12 +58,12 @@ class Emulated(Generic[D]):
 
     def __init__(self, config: SapienConfig, double: D, clock: Callable[[], int] = time.monotonic_ns) -> None:
         self.double = double
-        self._plant = simulated.SapienPlant(config)
+        self.plant = simulated.SapienPlant(config)
         self._clock = clock
         self._began = clock()
         self._lock = threading.RLock()
         self._stop = threading.Event()
-        self._wanted = -_WATCHED_FOR
+        self._wanted = 0.0  # the first picture takes the longest, so it is drawn before anybody asks
 
     @contextmanager
     def running(self, camera: SapienCameraConfig | None = None) -> Iterator[None]:
@@ -89,45 +86,39 @@ class Emulated(Generic[D]):
 
     def standing(self) -> Standing:
         """Return where everything is now."""
-        with self._now():
-            world = self._plant.world
+        with self.now():
+            world = self.plant.world
             (rx, ry, rt), (ox, oy, ot) = world.robot_pose, world.object_pose
             return Standing(
                 seconds=world.seconds,
                 robot=(float(rx), float(ry), float(rt)),
                 object=(float(ox), float(oy), float(ot)),
-                twist=self._plant.twist,
+                twist=self.plant.twist,
                 hit=bool(world.robot_hit or world.object_hit),
             )
 
     @contextmanager
-    def _now(self) -> Iterator[float]:
+    def now(self) -> Iterator[float]:
         """Hold the world still at this moment; gives s since it began."""
         with self._lock:
             now = self._clock() - self._began
-            self._plant.advance(now, self.double)
+            self.plant.advance(now, self.double)
             yield now / SECOND
 
     def _go(self) -> None:
         while not self._stop.wait(_PERIOD):
-            with self._now():
+            with self.now():
                 pass
 
     def _draw(self, config: SapienCameraConfig) -> None:
-        """Draw pictures while somebody asks for them. A thread of its own has the renderer: it is no other's."""
-        camera = config.scene.camera
-        eye = Eye(config.scene, config.body, BaseModel().diameter, config.tagged)
-        generator = np.random.Generator(np.random.PCG64(config.seed))
-        while not self._stop.wait(_PICTURE_PERIOD):
-            found = self.standing()
-            if found.seconds - self._wanted > _WATCHED_FOR:
-                continue
-            picture, _ = eye.look(Sight(found.robot, found.object, found.seconds))
-            noise = camera.noise * generator.standard_normal(picture.shape, np.float32)
-            grey = np.clip(np.rint(picture * (255.0 * camera.exposure) + noise), 0.0, 255.0).astype(np.uint8)
-            _, data = cv2.imencode(".jpg", grey[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, camera.quality])
-            with self._lock:
-                self._show(data.tobytes())
+        """Draw pictures while somebody asks for them."""
+        with Painter(config) as painter:
+            while not self._stop.wait(_PICTURE_PERIOD):
+                found = self.standing()
+                if found.seconds - self._wanted <= _WATCHED_FOR:
+                    picture = painter.picture(View(found.robot, found.object, found.seconds))
+                    with self._lock:
+                        self._show(picture)
 
     def _show(self, picture: bytes) -> None:
         """Take the newest picture, a JPEG."""
@@ -138,24 +129,58 @@ class EmulatedServer(Emulated[Restapid]):
 
     def handle(self, method: str, target: str, body: bytes) -> Response:
         """Return the server's answer to a request, and do what it asks for."""
-        with self._now() as seconds:
+        with self.now() as seconds:
             if target.partition("?")[0] == CAMERA:
                 self._wanted = seconds
-            return self.double.handle(method, target, body, self._plant)
+            return self.double.handle(method, target, body, self.plant)
 
     def _show(self, picture: bytes) -> None:
         self.double.picture = picture
 
 
 class EmulatedBoard(Emulated[Board]):
-    """A simulated base behind the double of its board."""
+    """A simulated base behind the double of its board. Laser and camera are read over REST all the same."""
 
-    def receive(self, data: bytes) -> bytes:
-        """Give the board what came over the line; return what it answers."""
-        with self._now():
-            return self.double.receive(data, self._plant)
+    def __init__(self, config: SapienConfig, double: Board, clock: Callable[[], int] = time.monotonic_ns) -> None:
+        super().__init__(config, double, clock)
+        self._server = Restapid()
+
+    def far(self) -> FarEnd:
+        """Return the board as a line has it: touching it lets the world come up to now."""
+        return FarEnd(self)
+
+    def handle(self, method: str, target: str, body: bytes) -> Response:
+        """Return the answer of a server without controld3: it has scans and pictures, and drives nothing."""
+        with self.now() as seconds:
+            self._server.now = seconds
+            path = target.partition("?")[0]
+            if path == CAMERA:
+                self._wanted = seconds
+            if method != "GET" or path not in (CAMERA, SCAN):
+                return Response(400 if method != "GET" else self._server.unknown)
+            return self._server.handle(method, target, body, self.plant)
+
+    def _show(self, picture: bytes) -> None:
+        self._server.picture = picture
+
+
+class FarEnd:
+    """What a `PtyLine` needs of a board."""
+
+    def __init__(self, base: EmulatedBoard) -> None:
+        self._base = base
+
+    def advance(self, now: float, plant: Plant) -> None:  # noqa: ARG002, the world has a clock of its own
+        """Let time pass."""
+        with self._base.now():
+            pass
+
+    def receive(self, data: bytes, plant: Plant) -> bytes:
+        """Take bytes from the host; return the answers."""
+        with self._base.now():
+            return self._base.double.receive(data, plant)
 
     def reset(self) -> None:
-        """Let the board begin anew, as after power-up."""
-        with self._now():
-            self.double.reset()
+        """Begin anew, as after power-up."""
+        with self._base.now():
+            self._base.double.reset()

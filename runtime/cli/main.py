@@ -19,6 +19,7 @@ VERB_MODULES = (
     "experiments.cli",
     "experiments.slam.cli",
     "experiments.camera.cli",
+    "experiments.robotino.cli",
     "replays.cli",
     "replays.experience",
     "runtime.cli.live",

@@ -44,7 +44,7 @@ class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     shared: Annotated[
         bool,
         Meta(
-            description="the object is seen from the robot: the error of the robot's own place is in every observation, "
+            description="the object is seen from the robot: the error of the robot's own place is in all observations, "
             "and no mean of them lessens it"
         ),
     ] = False

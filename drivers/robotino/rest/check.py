@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import StrEnum
 from functools import partial
 from math import degrees
+from typing import Literal
 
 import cv2
 import numpy as np
 
+from drivers.robotino.health import Row
 from drivers.robotino.infrared import FARTHEST
 from drivers.robotino.rest import shapes
 from drivers.robotino.rest.connecting import Failed, parsed
@@ -24,24 +24,6 @@ _PAUSE = 0.2
 """s between the two reads of the odometry, and between tries of the camera"""
 _TRIES = 3
 _CLEAR = FARTHEST - 0.005
-
-
-class State(StrEnum):
-    """What became of a sensor: it is there, it is not, or it says what it should not."""
-
-    OK = "ok"
-    MISSING = "missing"
-    BAD = "bad"
-
-
-@dataclass(frozen=True)
-class Row:
-    """A sensor: its name, its state, what was read in words, and how long the answer took, ms."""
-
-    name: str
-    state: State
-    said: str
-    took: float
 
 
 def read_all(url: str, timeout: float = 1.0) -> list[Row]:
@@ -83,13 +65,13 @@ class _Reader:
     def row(self, name: str, read: Callable[[], str]) -> Row:
         """Return what comes of reading a sensor."""
         self._took = 0.0
-        state = State.OK
+        state: Literal["ok", "missing", "bad"] = "ok"
         try:
             said = read()
         except _Missing as error:
-            state, said = State.MISSING, str(error)
+            state, said = "missing", str(error)
         except (_Bad, BadShape) as error:
-            state, said = State.BAD, str(error)
+            state, said = "bad", str(error)
         return Row(name, state, said, self._took)
 
     def sensor(self, path: str, word: Callable[[bytes], str]) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from google.protobuf.message import Message
 
+from drivers.robotino.rest.config import LaserConfig, RestConfig
 from drivers.robotino.rest.connecting import Failed, parsed
 from drivers.robotino.rest.exchange import Answer, Connection
 from drivers.robotino.rest.service import DRIVE
@@ -45,6 +46,11 @@ class HttpWire:
         self._bring: Bring | None = None
         self._now: Callable[[], Time] = int
         self._closing = False
+
+    @classmethod
+    def of(cls, config: RestConfig | LaserConfig) -> HttpWire:
+        """Return the wire to the base that settings name."""
+        return cls(config.url)
 
     def open(self, bring: Bring, now: Callable[[], Time]) -> None:
         """Begin. A connection is opened by the first request of its lane."""

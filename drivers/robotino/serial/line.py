@@ -15,9 +15,10 @@ from pathlib import Path
 from threading import Event, RLock, Thread
 from time import monotonic
 from types import TracebackType
+from typing import Protocol
 
 from drivers.robotino.plant import Plant
-from drivers.robotino.serial.board import PIECE, Board
+from drivers.robotino.serial.board import PIECE
 
 _STEP = 0.002
 """s between two looks at the line"""
@@ -48,6 +49,19 @@ class Noise:
         return bytes(out)
 
 
+class FarEnd(Protocol):
+    """What a line ends at: `Board`, or what has one."""
+
+    def advance(self, now: float, plant: Plant) -> None:
+        """Let time pass up to `now`, s."""
+
+    def receive(self, data: bytes, plant: Plant) -> bytes:
+        """Take bytes from the host; return the answers."""
+
+    def reset(self) -> None:
+        """Begin as after power-up."""
+
+
 class PtyLine:
     """The board on a pseudo-terminal, while the `with` lasts.
 
@@ -58,7 +72,7 @@ class PtyLine:
 
     def __init__(
         self,
-        board: Board,
+        board: FarEnd,
         plant: Plant,
         pass_by: Callable[[float], None] | None = None,
         link: Path | None = None,

@@ -18,6 +18,7 @@ from time import monotonic, sleep
 from google.protobuf.message import Message
 from serial import Serial
 
+from drivers.robotino.serial.config import SerialConfig
 from drivers.robotino.serial.port import FAILURES, NoLine, gone, opened, shut
 from runtime.live.wire import Bring
 from runtime.messages import SerialData
@@ -50,6 +51,11 @@ class SerialWire:
         self._ended = False
         self._lock = Lock()
         self._thread: Thread | None = None
+
+    @classmethod
+    def of(cls, config: SerialConfig) -> SerialWire:
+        """Return the wire to the device that settings name."""
+        return cls(config.device)
 
     def open(self, bring: Bring, now: Callable[[], Time]) -> None:
         """Begin. A device that is not there is waited for."""
