@@ -58,6 +58,7 @@ class Connection:
 
         Raises:
             Failed: there is none. The connection is dropped, and the next request opens another.
+            h11.LocalProtocolError, UnicodeError: the path is none.
         """
         until = time.monotonic() + seconds
         self._aborted = False
@@ -146,8 +147,6 @@ class Connection:
             words = [h11.Request(method=method, target=path, headers=headers), h11.Data(body), h11.EndOfMessage()]
             self._send(b"".join(http.send(one) or b"" for one in words), until)
             answer = self._receive(http, until)
-        except (h11.LocalProtocolError, UnicodeError) as error:
-            raise Failed(HttpFault.HTTP_MALFORMED, f"our own request: {error}") from error
         except h11.RemoteProtocolError as error:
             kind = HttpFault.HTTP_CUT if self._gone else HttpFault.HTTP_MALFORMED
             raise Failed(kind, "the connection ended within the answer" if self._gone else str(error)) from error

@@ -165,5 +165,5 @@ class _Lane:
             return self._connection.ask(request.method, request.path, request.body, request.timeout / SECOND)
         except Failed as failed:
             return failed
-        except Exception as error:  # the lane of the drive must not end by what nobody thought of
+        except Exception as error:  # a path that is none, or what nobody thought of: the lane goes on
             return Failed(HttpFault.HTTP_MALFORMED, f"{type(error).__name__}: {error}")

@@ -12,6 +12,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from drivers.robotino.rest.connecting import BadUrl
+from drivers.robotino.rest.exchange import Connection
 from drivers.robotino.rest.wire import HttpWire
 from runtime.errors import PushlaneError
 from runtime.messages import HttpFault, HttpRequest, SerialData
@@ -116,6 +117,7 @@ def test_answers_are_those_of_the_standard_library_over_one_connection_per_lane(
         (lambda line: None, HttpFault.HTTP_CUT),
         (reset, HttpFault.HTTP_CUT),
         (lambda line: line.sendall(b"\x00\xff garbage"), HttpFault.HTTP_MALFORMED),
+        (lambda line: (line.sendall(b"SSH-2.0"), hang(line)), HttpFault.HTTP_MALFORMED),
         (lambda line: line.sendall(b"HTTP/9 what\r\n\r\n"), HttpFault.HTTP_MALFORMED),
         (lambda line: line.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: -3\r\n\r\n"), HttpFault.HTTP_MALFORMED),
         (endless(b"HTTP/1.1 200 OK\r\nX: ", b"x" * 4096), HttpFault.HTTP_MALFORMED),
@@ -187,9 +189,27 @@ def test_a_connection_that_the_server_closed_while_idle_is_no_fault() -> None:
         for _k in range(3):
             assert host.answer(host.ask()).fault == HttpFault.HTTP_OK
             assert host.answer(host.tell(b"[]")).fault == HttpFault.HTTP_OK
+            assert host.answer(host.ask("x", "POST")).fault == HttpFault.HTTP_OK
             while any(one.fileno() >= 0 for one in server.lines):
                 time.sleep(0.01)
-        assert len(server.lines) == 6
+        assert len(server.lines) == 9
+
+
+def test_what_comes_unasked_is_no_answer_to_the_next_request() -> None:
+    sent = threading.Event()
+
+    def serve(line: socket.socket, number: int) -> None:
+        while heard(line):
+            line.sendall(WHOLE)
+            if number == 0:
+                time.sleep(0.05)
+                line.sendall(WHOLE.replace(b"[]", b"no"))
+                sent.set()
+
+    with Stranger(serve) as server, Host(server.url) as host:
+        host.answer(host.ask())
+        assert sent.wait(LONG)
+        assert host.answer(host.ask()).body == b"[]"
 
 
 @pytest.mark.parametrize("method", ["GET", "PUT"])
@@ -323,6 +343,41 @@ def test_the_last_word_goes_out_though_the_one_before_it_hangs_and_so_do_the_sen
         time.sleep(0.01)
 
 
+def test_nothing_is_carried_or_brought_once_it_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A look-up of a name cannot be cut short, so its lane outlives the wire; and who is told of an end may ask again."""
+    with Stranger(lambda line, _: hang(line)) as server:
+        host = Host(server.url)
+        monkeypatch.setattr(socket, "getaddrinfo", lambda *args, **more: time.sleep(1.0))
+        host.ask(timeout=0.6)
+        host.wire.close()
+        time.sleep(0.7)
+        assert host.more() == 0
+        monkeypatch.undo()
+
+        paths: list[str] = []
+        monkeypatch.setattr(server, "serve", lambda line, _: (paths.append(heard(line)[0].split()[1]), hang(line)))
+        wire = HttpWire(server.url)
+        again = HttpRequest(id=2, lane="again", method="GET", path="/again", timeout=10**9)
+        wire.open(lambda _: wire.carry(again), int)
+        wire.carry(HttpRequest(id=1, lane="x", method="GET", path="/x", timeout=10**10))
+        limit = time.monotonic() + LONG
+        while not paths:
+            assert time.monotonic() < limit
+            time.sleep(0.01)
+        wire.close()
+        time.sleep(0.2)
+        assert paths == ["/x"]
+
+
+def test_a_lane_outlives_what_nobody_thought_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Stranger(well) as server, Host(server.url) as host:
+        with monkeypatch.context() as patch:
+            patch.setattr(Connection, "_receive", lambda *_: {}["a defect"])
+            answer = host.answer(host.tell(b"[]"))
+        assert answer.fault == HttpFault.HTTP_MALFORMED and "a defect" in answer.reason
+        assert host.answer(host.tell(b"[]")).fault == HttpFault.HTTP_OK
+
+
 def test_it_carries_nothing_before_open_after_close_and_of_other_kinds() -> None:
     with Stranger(well) as server:
         wire = HttpWire(server.url)
@@ -348,8 +403,13 @@ def test_a_name_that_nobody_finds_is_given_up_in_time(monkeypatch: pytest.Monkey
     go = threading.Event()
     true = socket.getaddrinfo
 
+    looks = []
+
     def slow(*args: object, **more: object) -> object:
         go.wait(LONG)
+        looks.append(1)
+        if len(looks) == 1:
+            raise socket.gaierror("not there")
         return true("127.0.0.1", *args[1:], **more)  # type: ignore[arg-type]
 
     with Stranger(well) as server, Host(f"http://robotino.invalid:{server.port}") as host:
@@ -357,6 +417,8 @@ def test_a_name_that_nobody_finds_is_given_up_in_time(monkeypatch: pytest.Monkey
         answer = host.answer(host.ask(timeout=SHORT))
         assert answer.fault == HttpFault.HTTP_TIMEOUT and "robotino.invalid" in answer.reason
         go.set()
+        answer = host.answer(host.ask())
+        assert answer.fault == HttpFault.HTTP_REFUSED and "not there" in answer.reason
         assert host.answer(host.ask()).fault == HttpFault.HTTP_OK
 
 
