@@ -133,8 +133,9 @@ def _distances(data: bytes) -> str:
 
 def _power(data: bytes) -> str:
     one = tags.power(data)
+    kind = _KINDS.get(one.kind, "unknown kind")
     source = "power from outside" if one.external else "on its battery"
-    words = f"{one.volts:.1f} V, {one.amperes:.1f} A, {_KINDS.get(one.kind, 'unknown')}, {source}"
+    words = f"{one.volts:.1f} V, {one.amperes:.1f} A, {kind}, {source}, chargers: {one.chargers}"
     if one.low:
         raise BadTag(f"battery low: {words}, off in {one.shutdown / 1000:.0f} s")
     return words

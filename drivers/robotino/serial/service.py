@@ -34,6 +34,8 @@ _SILENT = SECOND // 5
 _START_AGAIN = 2 * SECOND
 """ns without an answer after which the board is taken to be another one"""
 _GAP = SECOND // 10
+_LATE = SECOND // 10
+"""ns that an answer may be heard later than the one before it: several may come at once"""
 _SLACK_TICKS = 200
 _REFUSED = 10
 """implausible readings in a row after which the encoders are taken to have begun anew"""
@@ -184,7 +186,8 @@ class RobotinoSerial(RobotinoDriver):
             before = state.ticks
             gone = (counted(before[0], ticks[0]), counted(before[1], ticks[1]), counted(before[2], ticks[2]))
             seconds = (now - state.read) / SECOND
-            most = 1.5 * config.geometry.max_rpm / 60.0 * config.geometry.ticks * seconds + _SLACK_TICKS
+            fastest = 1.5 * config.geometry.max_rpm / 60.0 * config.geometry.ticks
+            most = fastest * (seconds + _LATE / SECOND) + _SLACK_TICKS
             from_zero = seconds > _GAP / SECOND and max(map(abs, ticks)) <= most < max(map(abs, before))
             if max(map(abs, gone)) > most or from_zero:
                 yield from self._unbelieved(ticks, gone, from_zero, now)

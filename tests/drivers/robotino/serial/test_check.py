@@ -55,7 +55,7 @@ def test_a_board_says_all_it_can_and_does_not_move() -> None:
         "motors": ("ok", "0 0 0 rpm, 0 0 0 ticks, 0.00 0.00 0.00 A"),
         "distances": ("ok", "0.10 0.20 0.41 0.41 0.41 0.41 0.41 0.41 0.41 m"),
         "bumper": ("ok", "pressed"),
-        "power": ("ok", "24.1 V, 1.5 A, lead, on its battery"),
+        "power": ("ok", "24.1 V, 1.5 A, lead, on its battery, chargers: 1"),
         "analog inputs": ("ok", "0.00 0.00 0.00 0.00 0.00 0.00 0.00 0.00 V"),
         "digital inputs": ("ok", "0 0 0 0 0 0 0 0"),
         "gyro": ("ok", "0.000 rad, 0.000 rad/s"),

@@ -147,6 +147,20 @@ def test_bytes_lost_put_in_and_flipped(seed: int) -> None:
     assert np.mean(moving) > 0.95
 
 
+def test_answers_that_come_late_and_at_once_are_believed() -> None:
+    rig, held = driven(), []
+    hear, rig.hear = rig.hear, lambda data, up=True, fault="": held.append(data)  # type: ignore[method-assign]
+    rig.run(0.1)
+    rig.hear = hear  # type: ignore[method-assign]
+    assert len(held) >= 5
+    for data in held:
+        rig.hear(data)
+    rig.run(0.5)
+    assert rig.faults("encoders") == 0
+    last, there = rig.odometry[-1]
+    assert np.hypot(last.pose.x - there[0], last.pose.y - there[1]) < 1e-4
+
+
 def test_a_board_that_is_reset() -> None:
     rig = driven()
     rig.board.reset()
