@@ -12,6 +12,10 @@ class LiveConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """How live hosts and their launcher behave."""
 
     snapshot_period: Annotated[float, Meta(ge=0.1, le=3600, description="s between snapshots of each service")] = 1.0
+    snapshot_rate: Annotated[
+        float,
+        Meta(ge=1e4, le=1e12, description="bytes a second of snapshots at most: large states are given more seldom"),
+    ] = 2e6
     journal_period: Annotated[float, Meta(ge=0.01, le=0.25, description="s between journal batches")] = 0.1
     health_period: Annotated[float, Meta(ge=0.1, le=60, description="s between health messages")] = 1.0
     remind_period: Annotated[
@@ -28,7 +32,7 @@ class LiveConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         Meta(
             ge=0, le=1 << 30, description="bytes of sent messages that a service keeps for recorders that missed them"
         ),
-    ] = 8 << 20
+    ] = 32 << 20
     largest: Annotated[int, Meta(ge=1024, le=1 << 30, description="bytes of a payload above which it is refused")] = (
         16 << 20
     )

@@ -81,6 +81,7 @@ class LiveHost:
         self._requests = incarnation * INCARNATION
         self._busy = Busy()
         self._complained: dict[str, float] = {}
+        self._chores: dict[Callable[[Time], object], Time] = {}
         self._health = 0
 
     def stop(self) -> None:
@@ -125,7 +126,7 @@ class LiveHost:
     def _loop(self) -> None:
         node, clock, arrivals, inbox = self._node, self._clock, self._arrivals, self._inbox
         timers = {name: due for due, name in node.due()}
-        chores = {
+        chores = self._chores = {
             self._flush: nanoseconds(self._config.journal_period),
             self._beat: nanoseconds(self._config.beat_period),
             self._report: nanoseconds(self._config.health_period),
@@ -148,8 +149,8 @@ class LiveHost:
                 else:
                     chore = min(chores_due, key=chores_due.__getitem__)
                     if chores_due[chore] <= now:
-                        chores_due[chore] = now + chores[chore]
                         chore(now)
+                        chores_due[chore] = now + chores[chore]
                 due = min(*timers.values(), *chores_due.values())
                 continue
             # All that came is looked at before one is handled: of latest-only inputs that is the newest.
@@ -270,6 +271,9 @@ class LiveHost:
     def _snap(self, now: Time) -> bytes:
         sample = self._node.take_snapshot(now)
         self._send([sample])
+        # A large state, as a filter's maps are, takes long to give and fills links: it is given more seldom.
+        pause = max(self._config.snapshot_period, len(sample.payload) / self._config.snapshot_rate)
+        self._chores[self._snap] = nanoseconds(pause)
         return sample.payload
 
     def _beat(self, _: Time) -> None:

@@ -39,6 +39,8 @@ _JOIN_PATIENCE = 10.0
 _LOOK_EVERY = 0.05
 _STOP_ORDER_PAUSE = 0.3
 _STOP_LIMIT = 1.5
+_TAPE_LIMIT = 10.0
+"""s for the recorder, which moves nothing, and has much to write where pictures are"""
 
 
 class ServiceLost(PushlaneError):
@@ -252,7 +254,7 @@ class Launcher:
         for group in ([n for n in running if n != RECORDER], [n for n in running if n == RECORDER]):
             for name in group:
                 running[name].send_signal(signal.SIGTERM)
-            deadline = time.monotonic() + _STOP_LIMIT
+            deadline = time.monotonic() + (_TAPE_LIMIT if RECORDER in group else _STOP_LIMIT)
             for name in group:
                 try:
                     running[name].wait(max(0.01, deadline - time.monotonic()))
