@@ -49,7 +49,7 @@ class RestState(BaseState):
         asked: id and time, ns, of the request of each lane that waits for its answer.
         due: ns, when each lane is to be asked again.
         requests: so far; ticks: of the timer.
-        fresh: ns, of the last new odometry; None before. stale: none comes.
+        fresh: ns, of the last new odometry; None before. stale: none comes. blind: the last answer was none.
         sequence, pose: of the last one, as the base said it; None before. scanned: counter of the last scan.
     """
 
@@ -59,6 +59,7 @@ class RestState(BaseState):
     ticks: int = 0
     fresh: Time | None = None
     stale: bool = True
+    blind: bool = False
     sequence: int = 0
     pose: tuple[float, float, float] | None = None
     scanned: int = -1
@@ -132,6 +133,12 @@ class RobotinoRest(RobotinoDriver):
                 yield from self._take(lane, answer.body, now)
             except BadShape as error:
                 yield from self._fault(f"{lane} shape", str(error), now)
+            else:
+                return
+        if lane == "odometry" and not state.blind:
+            # Who cannot see where the base goes lets it stand at once: it brakes slowly enough.
+            state.blind = True
+            yield self._told(now)
 
     def _take(self, lane: str, body: bytes, now: Time) -> Effects:
         state = self.state
@@ -164,7 +171,7 @@ class RobotinoRest(RobotinoDriver):
                 yield from self._fault("odometry", f"{state.pose} and {found.pose}: it has begun anew", now)
             else:
                 state.reckoning.go(way(state.pose, found.pose))
-        was_stale, state.stale = state.stale, False
+        was_stale, state.stale, state.blind = state.stale, False, False
         state.pose, state.sequence, state.fresh = found.pose, found.sequence, now
         yield self.odometry(state.reckoning.message(now, found.twist, state.gate.sensed(now)))
         if was_stale:
@@ -172,8 +179,8 @@ class RobotinoRest(RobotinoDriver):
 
     def _told(self, now: Time) -> Publication:
         """Return the request that tells the base how to move now."""
-        wish = self.state.gate.now(now)
-        return self._ask(DRIVE, "PUT", OMNIDRIVE, shapes.omnidrive(*(STILL if self.state.stale else wish)), now)
+        wish, blind = self.state.gate.now(now), self.state.stale or self.state.blind
+        return self._ask(DRIVE, "PUT", OMNIDRIVE, shapes.omnidrive(*(STILL if blind else wish)), now)
 
     def _works(self) -> bool:
         return not self.state.stale
