@@ -80,9 +80,6 @@ class SerialWire:
             self._thread.join(_PATIENCE + _AGAIN)
         with self._lock:
             self._ended = True
-        if self._thread is not None and not self._thread.is_alive():
-            self._bell.close()
-            self._ring.close()
 
     def _wake(self) -> None:
         # A bell that is full rings already; one that is gone has nobody left to wake.
@@ -90,19 +87,24 @@ class SerialWire:
             self._ring.send(b"\0")
 
     def _work(self) -> None:
-        while not self._closing.is_set():
-            try:
-                port = opened(self._device)
-            except NoLine as error:
-                self._say(str(error))
-            else:
-                try:
-                    self._serve(port)
-                except FAILURES as error:
-                    self._say(gone(error, str(port.port)))
-                finally:
-                    shut(port)
-            self._closing.wait(_AGAIN)
+        with self._bell, self._ring:
+            while not self._closing.is_set():
+                self._try()
+                self._closing.wait(_AGAIN)
+
+    def _try(self) -> None:
+        """Open the device, and carry and bring until it fails or the end."""
+        try:
+            port = opened(self._device)
+        except NoLine as error:
+            self._say(str(error))
+            return
+        try:
+            self._serve(port)
+        except FAILURES as error:
+            self._say(gone(error, str(port.port)))
+        finally:
+            shut(port)
 
     def _serve(self, port: Serial) -> None:
         """Carry and bring until the end. What was given while there was no line is too old to be written.

@@ -39,6 +39,25 @@ def framed(payload: str) -> bytes:
     return b"\xaa" + frame
 
 
+def plain(frame: bytes) -> bytes:
+    """Return the payload of a frame, by the rules of reference 2.2."""
+    assert frame[:1] == b"\xaa" and b"\xaa" not in frame[1:]
+    body, rest = bytearray(), iter(frame[1:])
+    for byte in rest:
+        body.append(next(rest) ^ 0x20 if byte == 0x55 else byte)
+    assert int.from_bytes(body[:2], "little") == len(body) - 4
+    assert (sum(body[:-2]) + int.from_bytes(body[-2:], "little")) % 65536 == 0
+    return bytes(body[2:-2])
+
+
+def whole(frame: bytes) -> bool:
+    """Return whether what follows a head is one whole frame."""
+    try:
+        return bool(plain(b"\xaa" + frame))
+    except (AssertionError, StopIteration):
+        return False
+
+
 @dataclass
 class Bare:
     """The far end of a line: a link to a new terminal at each `plug`."""

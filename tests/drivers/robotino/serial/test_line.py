@@ -16,23 +16,12 @@ from serial import Serial, SerialException
 from drivers.robotino.plant import IdealPlant
 from drivers.robotino.serial.board import Board
 from drivers.robotino.serial.line import Noise, PtyLine
-from tests.drivers.robotino.serial.bare import LONG, framed, until
+from tests.drivers.robotino.serial.bare import LONG, framed, plain, until, whole
 from tests.drivers.robotino.serial.test_codec import CAPTURED
 from tests.figures import Figures
 
 VERSIONS = bytes.fromhex("aa040001000300f8ff")
 POLL, DRIVE = bytes.fromhex(CAPTURED["poll"]), bytes.fromhex(CAPTURED["drive and poll"])
-
-
-def plain(frame: bytes) -> bytes:
-    """Return the payload of a frame, by the rules of reference 2.2."""
-    assert frame[:1] == b"\xaa" and b"\xaa" not in frame[1:]
-    body, rest = bytearray(), iter(frame[1:])
-    for byte in rest:
-        body.append(next(rest) ^ 0x20 if byte == 0x55 else byte)
-    assert int.from_bytes(body[:2], "little") == len(body) - 4
-    assert (sum(body[:-2]) + int.from_bytes(body[-2:], "little")) % 65536 == 0
-    return bytes(body[2:-2])
 
 
 @contextmanager
@@ -170,13 +159,15 @@ def test_noise_comes_as_often_as_it_is_said_and_alike_from_one_seed() -> None:
 
 def test_noise_acts_both_ways_and_can_be_taken_away() -> None:
     expected = bytes.fromhex(CAPTURED["versions answered"])
-    with bench() as (line, _), client(line) as port:
+    with bench() as (line, plant), client(line) as port:
         port.timeout = 0.3
         line.noise = Noise(lost=1.0)
-        assert asked(port, VERSIONS, 1) == b""
-        line.noise = Noise(flipped=1.0)
-        answer = asked(port, b"\xaa" * 40 + VERSIONS * 20, 1000)
-        assert expected not in answer
+        assert asked(port, DRIVE, 1) == b"" and plant.twist == (0.0, 0.0, 0.0), "the board has not heard it"
+        line.noise = Noise(flipped=0.01)
+        said = b"".join(asked(port, VERSIONS, 40) for _ in range(40)) + port.read(4096)
+        answer = said.split(b"\xaa")[1:]
+        # What the board makes of a spoiled question is whole; only the way back spoils that.
+        assert 0 < sum(map(whole, answer)) < len(answer)
         line.noise = Noise()
         port.read(1000)
         port.timeout = LONG
