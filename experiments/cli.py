@@ -13,6 +13,7 @@ import typer
 
 from runtime.cli.experience import ExperienceFile, with_experience
 from runtime.cli.options import Assignments, ConfigFile, layers
+from runtime.outputs import check_folder
 
 
 class Mode(StrEnum):
@@ -168,15 +169,11 @@ def deliveries(
 
     from experiments.session import prepare
     from experiments.trials import Batch, deliver
-    from runtime.config.layers import ConfigError
 
     given = layers(config, assignments)
     session = prepare(given)
     if failures is not None:
-        try:
-            failures.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f"--failures {failures}: {error.strerror or error}") from error
+        check_folder(failures)
     seeds = range(first, first + trials)
     console = Console(stderr=True)
     done = list(track(deliver(given, seeds, jobs, failures), total=trials, description="pushing", console=console))

@@ -10,6 +10,7 @@ import typer
 
 from runtime.bus.config import BusConfig
 from runtime.cli.options import Assignments, ConfigFile, bus_of
+from runtime.outputs import check_file
 
 Session = Annotated[Path, typer.Argument(metavar="FILE.mcap", help="A recorded session.", show_default=False)]
 
@@ -45,7 +46,8 @@ def replay(
     from runtime.config.layers import read_assignments
     from runtime.time import nanoseconds
 
-    _refuse_unwritable(overlay)
+    if overlay is not None:
+        check_file(overlay, replace=True)
     _refuse_nonfinite("--start", start)
     loaded = recording.load(file)
     changes = read_assignments(assignments).values if assignments else {}
@@ -103,7 +105,8 @@ def inspect(
     _refuse_nonfinite("--at", at)
     _refuse_nonfinite("--for", duration)
     for out in (save, screenshot):
-        _refuse_unwritable(out)
+        if out is not None:
+            check_file(out, replace=True)
     if live == (file is not None):
         raise typer.BadParameter("expected either FILE.mcap or --live")
     if live:
@@ -129,22 +132,6 @@ def _inspect_live(bus: BusConfig, save: Path | None, web: bool, bind: str, conne
     dropped = f", {fed.dropped} given up because the viewer was too slow" if fed.dropped else ""
     where = f" written to {save}" if save is not None else ""
     typer.echo(f"{fed.messages} messages in {fed.seconds:.1f} s, {len(fed.rows)} entities{where}{dropped}")
-
-
-def _refuse_unwritable(out: Path | None) -> None:
-    """Raise before the work begins if its result could not be written.
-
-    Raises:
-        CannotRecord: the folder is missing, or the name is a folder's.
-    """
-    from runtime.recorder.writer import CannotRecord
-
-    if out is not None and not out.parent.is_dir():
-        raise CannotRecord(f"cannot write {out}: there is no folder {out.parent}")
-    if out is not None and out.is_dir():
-        raise CannotRecord(f"cannot write {out}: it is a folder")
-    if out is not None and out.exists() and out.suffix == ".mcap":
-        raise CannotRecord(f"{out} is a recording: choose another name")
 
 
 def _refuse_nonfinite(option: str, value: float | None) -> None:

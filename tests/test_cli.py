@@ -172,6 +172,39 @@ def test_results_that_cannot_be_written_are_refused_first(tmp_path: Path) -> Non
     assert (tmp_path / "a.mcap").read_bytes() == before
 
 
+def test_results_go_where_they_can_be_written_or_it_is_said(tmp_path: Path) -> None:
+    """As root, too: a file in the place of a folder, /proc, which takes no files, and a name that is too long."""
+    (tmp_path / "file").write_text("precious")
+    (tmp_path / "a.log").write_text("")
+    long = "x" * 300
+    session = str(Path(__file__).parent.parent / "replays" / "recordings" / "corridor-1-relaxed.mcap")
+    for arguments, words in (
+        (["slam", "a.log", "-o", "file"], "cannot write file: File exists"),
+        (["slam", "a.log", "-o", "file/maps"], "cannot write file/maps: Not a directory"),
+        (["slam", "a.log", "-o", "/proc/maps"], "cannot write /proc/maps: No such file or directory"),
+        (["slam", "a.log", "-o", "/proc"], "cannot write into /proc: No such file or directory"),
+        (["slam", "a.log", "-o", long], f"cannot write {long}: File name too long"),
+        (["experiment", "open", "-o", "file/out"], "file/out: Not a directory"),
+        (["experiment", "strategies", "-o", "/proc/out"], "/proc/out: No such file or directory"),
+        (["experiment", "deliveries", "--failures", "file"], "cannot write file: File exists"),
+        (["inspect", session, "--save", "/proc/a.rrd"], "cannot write /proc/a.rrd: No such file or directory"),
+        (["inspect", session, "--save", "/dev/full"], "cannot write /dev/full: it is no regular file"),
+        (["inspect", session, "--screenshot", "file/a.png"], "cannot write file/a.png: there is no folder file"),
+        (["inspect", session, "--screenshot", "/proc/a.png"], "cannot write /proc/a.png: No such file or directory"),
+        (["replay", session, "--overlay", long], f"cannot write {long}: File name too long"),
+        (["experience", "save", session, "-o", "."], "cannot write .: it is a folder"),
+        (["experience", "save", session, "-o", f"{long}.json"], f"cannot write {long}.json: File name too long"),
+        (["calibrate", "board", "-o", "/proc/a.png"], "cannot write /proc/a.png: No such file or directory"),
+        (["sim", *SHORT, "-o", "file/a.mcap"], "cannot write file/a.mcap: Not a directory"),
+        (["sim", *SHORT, "-o", f"{long}.mcap"], f"cannot write {long}.mcap: File name too long"),
+    ):
+        ran = pushlane(*arguments, cwd=tmp_path)
+        assert (ran.returncode, words in ran.stderr) == (2, True), (arguments, ran.stderr)
+        assert len(ran.stderr.strip().splitlines()) == 1
+    assert (tmp_path / "file").read_text() == "precious"
+    assert {path.name for path in tmp_path.iterdir()} == {"file", "a.log"}
+
+
 def test_the_list_names_everything() -> None:
     found = json.loads(pushlane("sim", "--list", "--json").stdout)
     assert [one["name"] for one in found["scenes"]] == list(scene.names())

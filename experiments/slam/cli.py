@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from runtime.outputs import check_folder, writing
+
 if TYPE_CHECKING:
     from experiments.slam.logs import Log
     from experiments.slam.metric import Agreement
@@ -57,6 +59,8 @@ def slam(
     from experiments.slam.logs import read
     from services.mapping.config import FilterConfig
 
+    if output is not None:
+        check_folder(output)
     log = read(file)
     if scans:
         log = log.cut(scans)
@@ -66,10 +70,10 @@ def slam(
     for line in _told(log, found):
         typer.echo(line)
     if output is not None:
-        output.mkdir(parents=True, exist_ok=True)
-        whole.picture(found, log.reference).savefig(output / "map.png")
-        whole.to_rerun(found, log.reference, output / "map.rrd")
-        saved = maps.write(output, found.cells, found.corner)
+        with writing(output):
+            whole.picture(found, log.reference).savefig(output / "map.png")
+            whole.to_rerun(found, log.reference, output / "map.rrd")
+            saved = maps.write(output, found.cells, found.corner)
         typer.echo(f"{output / 'map.png'}, {output / 'map.rrd'}, {saved}")
 
 

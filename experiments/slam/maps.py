@@ -68,7 +68,7 @@ def read(file: Path) -> tuple[Cells, Array]:
 def write(folder: Path, cells: Cells, corner: Array, name: str = "map") -> Path:
     """Write a map, as `read` returns it, to `folder`; return the YAML file."""
     grey = np.select([cells == 0, cells == 100], [_FREE, _OCCUPIED], _UNKNOWN).astype(np.uint8)
-    cv2.imwrite(str(folder / f"{name}.pgm"), np.ascontiguousarray(grey[::-1]))
+    (folder / f"{name}.pgm").write_bytes(cv2.imencode(".pgm", np.ascontiguousarray(grey[::-1]))[1].tobytes())
     file = folder / f"{name}.yaml"
     lines = [
         f"image: {name}.pgm",

@@ -18,6 +18,7 @@ import typer
 from runtime.cli.experience import ExperienceFile, with_experience
 from runtime.cli.options import Assignments, ConfigFile, bus_of, layers
 from runtime.config.layers import ConfigError
+from runtime.outputs import check_file
 
 recordings = typer.Typer(no_args_is_help=True, help="Let a running system record itself.")
 
@@ -72,7 +73,7 @@ def run(
     plan = session.plan()
     names = _chosen(plan.nodes, only or [], hosts, host)
     if output is not None:
-        _refuse_unwritable(output)
+        check_file(output)
     _check_recordings(plan.sections["live"])
     bus = session.effective.sections["bus"]
     console = Console()
@@ -168,7 +169,7 @@ def record(
 
     bus, limit = bus_of(config, assignments), Split.parse(split)
     path = output or Path(default_name(bus.robot))
-    _refuse_unwritable(path)
+    check_file(path)
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
@@ -256,18 +257,6 @@ def _check_recordings(live: dict[str, Any]) -> None:
     if not Path(live["recordings"]).is_dir():
         raise ConfigError(f"live.recordings: there is no folder {live['recordings']}")
     Split.parse(live["split"])
-
-
-def _refuse_unwritable(path: Path) -> None:
-    """Raise unless `path` can be a new file.
-
-    Raises:
-        ConfigError: its folder is missing, or it is there already.
-    """
-    if not path.parent.is_dir():
-        raise ConfigError(f"cannot write {path}: there is no folder {path.parent}")
-    if path.exists():
-        raise ConfigError(f"{path} is there already: choose another name")
 
 
 def _chosen(names: list[str], only: list[str], hosts: dict[str, Any], host: str) -> list[str]:
