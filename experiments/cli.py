@@ -130,13 +130,15 @@ def sim(
         "--time-limit": ("time_limit", time_limit),
         "--seed": ("seed", seed),
         "--perception": ("perception", perception),
-        "--tags": ("tagged", tags),
+        "--no-tags" if tags is False else "--tags": ("tagged", tags),
         "--map": ("map", map_),
         "--link": ("link", link),
     }
     options = [Layer(flag, {"sim": {key: value}}) for flag, (key, value) in given.items() if value not in (None, "")]
     weakest = Layer("pushlane sim", {"sim": {"perception": "sensors"}})
     session = prepare([weakest, *with_experience(layers(config, assignments), experience), *options])
+    if session.sim.perception == "truth":
+        _refuse_of_sensors(session.effective.origins)
     delivered = watching.show(
         session,
         output,
@@ -146,6 +148,26 @@ def sim(
         overwrite=overwrite,
     )
     raise typer.Exit(0 if delivered else 1)
+
+
+_OF_SENSORS = {"sim.tagged": ("--tags", "--no-tags"), "sim.map": ("--map",), "sim.depth": ()}
+"""Settings that only perception from sensors reads -> the options that give them."""
+
+
+def _refuse_of_sensors(origins: dict[str, str]) -> None:
+    """Raise if the command line says what perception from truth would not look at. A file may serve both.
+
+    Raises:
+        ConfigError: it does.
+    """
+    from runtime.config.layers import ConfigError
+
+    for key, options in _OF_SENSORS.items():
+        origin = origins.get(key, "default")
+        if origin == "--set" or origin in options:
+            name = f"--set {key}" if origin == "--set" else origin
+            why = f"sim.perception is truth ({origins.get('sim.perception', 'default')})"
+            raise ConfigError(f"{name}: needs perception from sensors to have an effect; {why}")
 
 
 @experiment.command()
