@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.experience import ExperienceFile, with_experience
-from runtime.cli.options import Assignments, ConfigFile, layers
+from runtime.cli.options import Assignments, ConfigFile, check_goal, layers
 from runtime.outputs import check_folder
 
 
@@ -119,6 +119,7 @@ def sim(
     from experiments.session import prepare
     from runtime.config.layers import Layer
 
+    check_goal(goal, "--goal", precision, yaw, time_limit)
     given = {
         "--scene": ("scene", scene),
         "--object": ("object", object_),

@@ -81,7 +81,13 @@ def test_a_failed_push_exits_with_1_and_is_kept(tmp_path: Path) -> None:
         (["--object", "elephant"], "no object is called 'elephant'; known are"),
         (["--strategy", "brave"], "no strategy is called 'brave'; expected one of strict, relaxed"),
         (["--controller", "brave"], "no controller is called 'brave'; expected one of adaptive"),
-        (["--goal", "nan", "1"], "--goal: sim.goal[0]: expected a finite number (found nan)"),
+        (["--goal", "nan", "1"], "--goal nan 1: expected a place on the map, two finite numbers in m"),
+        (["--set", "sim.goal=[1.0, inf]"], "--set: sim.goal[1]: expected a finite number (found inf)"),
+        (["--precision", "0"], "--precision 0: expected a distance in m, above 0 and at most 5"),
+        (["--precision", "nan"], "--precision nan: expected a distance in m, above 0"),
+        (["--time-limit", "0"], "--time-limit 0: expected a time in s, above 0 and at most 36000"),
+        (["--time-limit", "-5"], "--time-limit -5: expected a time in s"),
+        (["--yaw", "400"], "--yaw 400: expected degrees from -360 to 360"),
         (["--seed", "-1"], "--seed: sim.seed: expected `int` >= 0"),
         (["--set", "controller.sped=1"], "--set: controller.sped: no such key; did you mean 'speed'?"),
         (["--set", "controller.speed=fast"], "--set: controller.speed: expected `float`, got `str` (found 'fast')"),
@@ -107,6 +113,20 @@ def test_mistakes_are_named_in_one_line(arguments: list[str], words: str, tmp_pa
     assert words in ran.stderr
     assert len(ran.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--to", "nan", "1"], "--to nan 1: expected a place on the map"),
+        (["--to", "1", "1", "--precision", "0"], "--precision 0: expected a distance in m, above 0"),
+        (["--to", "1", "1", "--time-limit", "inf"], "--time-limit inf: expected a time in s, above 0"),
+        (["--to", "1", "1", "--yaw", "nan"], "--yaw nan: expected degrees"),
+    ],
+)
+def test_a_goal_that_is_none_is_not_sent(arguments: list[str], words: str) -> None:
+    ran = pushlane("push", *arguments)
+    assert (ran.returncode, words in ran.stderr, len(ran.stderr.strip().splitlines())) == (2, True, 1), ran.stderr
 
 
 def test_a_recording_that_is_there_is_left_alone(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from runtime.cli.experience import ExperienceFile, with_experience
-from runtime.cli.options import Assignments, ConfigFile, bus_of, layers
+from runtime.cli.options import Assignments, ConfigFile, bus_of, check_goal, layers
 from runtime.config.layers import ConfigError
 from runtime.outputs import check_file
 
@@ -93,12 +93,16 @@ def push(
     to: Annotated[tuple[float, float], typer.Option("--to", metavar="X Y", help="Where to, in m on the map.")],
     strategy: Annotated[str, typer.Option(help="How targets are chosen.", show_default="as the task says")] = "",
     controller: Annotated[str, typer.Option(help="How the base pushes.", show_default="as the task says")] = "",
-    precision: Annotated[float, typer.Option(metavar="M", help="Delivered within this; 0: as the task says.")] = 0.0,
+    precision: Annotated[
+        float | None, typer.Option(metavar="M", help="Delivered within this.", show_default="as the task says")
+    ] = None,
     yaw: Annotated[
         float | None,
         typer.Option(metavar="DEGREES", help="Turned so, on the map; predictive only.", show_default="any"),
     ] = None,
-    time_limit: Annotated[float, typer.Option(metavar="S", help="Give up after this; 0: as the task says.")] = 0.0,
+    time_limit: Annotated[
+        float | None, typer.Option(metavar="S", help="Give up after this.", show_default="as the task says")
+    ] = None,
     config: ConfigFile = None,
     assignments: Assignments = None,
 ) -> None:
@@ -113,13 +117,14 @@ def push(
     from runtime.live.table import push_line
     from runtime.messages import PushGoal, Vector2
 
+    check_goal(to, "--to", precision, yaw, time_limit)
     goal = PushGoal(
         position=Vector2(x=to[0], y=to[1]),
         strategy=strategy,
         controller=controller,
-        precision=precision,
+        precision=precision or 0.0,
         yaw=None if yaw is None else math.radians(yaw),
-        time_limit=time_limit,
+        time_limit=time_limit or 0.0,
     )
     bus = bus_of(config, assignments)
     console = Console()
