@@ -74,8 +74,9 @@ def test_a_failed_push_exits_with_1_and_is_kept(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--goal", "100", "100"], "goal (100.00, 100.00) m is 0.000 m from the nearest obstacle; 0.230 m are needed"),
-        (["--goal", "4.0", "6.95"], "from the nearest obstacle"),
+        (["--goal", "100", "100"], "goal (100.00, 100.00) m is outside of the map, which has x from "),
+        (["--scene", "open", "--goal", "-90", "0"], "goal (-90.00, 0.00) m is outside of the map"),
+        (["--goal", "4.0", "6.95"], "goal (4.00, 6.95) m is 0.050 m from the nearest obstacle; 0.230 m are needed"),
         (["--scene", "corridor-1", "--set", "perception.object_diameter=2.5"], "2.500 m"),
         (["--scene", "nowhere"], "no scene is called 'nowhere'; known are 1A, 1B"),
         (["--object", "elephant"], "no object is called 'elephant'; known are"),
