@@ -237,6 +237,32 @@ def test_results_go_where_they_can_be_written_or_it_is_said(tmp_path: Path) -> N
     assert {path.name for path in tmp_path.iterdir()} == {"file", "a.log"}
 
 
+def test_what_is_no_log_is_named_with_what_was_expected(tmp_path: Path) -> None:
+    (tmp_path / "empty.log").write_bytes(b"")
+    (tmp_path / "binary.log").write_bytes(b"ODOM 1 2 3\n" + bytes(range(128, 256)))
+    (tmp_path / "binary.npz").write_bytes(bytes(range(256)))
+    (tmp_path / "binary.mcap").write_bytes(bytes(range(256)))
+    (tmp_path / "columns.csv").write_text("time,range\n0.1,2.5\n")
+    (tmp_path / "short.log").write_text("# a comment\nFLASER 180 1 2 3\n")
+    (tmp_path / "folder.log").mkdir()
+    for arguments, words in (
+        (["missing.log"], "missing.log: there is no such file"),
+        (["folder.log"], "folder.log: is a folder; expected a CARMEN log"),
+        (["empty.log"], "empty.log: is empty; expected a CARMEN log"),
+        (["binary.log"], "binary.log, after line 0: not a CARMEN log: no text; expected a CARMEN log"),
+        (["binary.npz"], "binary.npz: no .npz file; expected one as numpy.savez writes it"),
+        (["binary.mcap"], "expected an MCAP session"),
+        (["columns.csv"], "columns.csv: 0 laser scans: no line begins with FLASER or ROBOTLASER1; line 1 begins with"),
+        (
+            ["short.log"],
+            "short.log, line 2: FLASER cannot be read: 3 numbers; expected 180; the format is FLASER count",
+        ),
+    ):
+        ran = pushlane("slam", *arguments, cwd=tmp_path)
+        assert (ran.returncode, words in ran.stderr, "Traceback" in ran.stderr) == (2, True, False), ran.stderr
+        assert len(ran.stderr.strip().splitlines()) == 1
+
+
 def test_the_list_names_everything() -> None:
     found = json.loads(pushlane("sim", "--list", "--json").stdout)
     assert [one["name"] for one in found["scenes"]] == list(scene.names())

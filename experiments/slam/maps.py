@@ -39,7 +39,8 @@ def read(file: Path) -> tuple[Cells, Array]:
     try:
         said = YAML(typ="safe", pure=True).load(file.read_text())
     except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise BadMap(f"{file}: {error}") from error
+        why = error.strerror if isinstance(error, OSError) else " ".join(str(error).split())
+        raise BadMap(f"{file}: {why}; expected the YAML file of a map as map_server saves it") from error
     if not isinstance(said, dict) or not {"image", "resolution", "origin"} <= said.keys():
         raise BadMap(f"{file}: expected image, resolution and origin")
     try:
