@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from runtime.bus.config import BusConfig
 from runtime.cli.options import Assignments, ConfigFile, bus_of
 from runtime.outputs import check_file
+
+if TYPE_CHECKING:
+    from replays.recording import Recording
 
 Session = Annotated[Path, typer.Argument(metavar="FILE.mcap", help="A recorded session.", show_default=False)]
 
@@ -48,8 +52,10 @@ def replay(
 
     if overlay is not None:
         check_file(overlay, replace=True)
-    _refuse_nonfinite("--start", start)
+    if not math.isfinite(start):
+        _refuse_nonfinite("--start", start)
     loaded = recording.load(file)
+    _refuse_outside(loaded, start)
     changes = read_assignments(assignments).values if assignments else {}
     result = execute(loaded, service, changes, nanoseconds(start), keep=overlay is not None)
     if as_json:
@@ -134,14 +140,27 @@ def _inspect_live(bus: BusConfig, save: Path | None, web: bool, bind: str, conne
     typer.echo(f"{fed.messages} messages in {fed.seconds:.1f} s, {len(fed.rows)} entities{where}{dropped}")
 
 
+def _refuse_outside(loaded: Recording, start: float) -> None:
+    """Raise unless a replay can begin at `start`, s. What is before the first message is its beginning.
+
+    Raises:
+        OutsideRecording: it is below 0, or after the last message.
+    """
+    from replays.recording import OutsideRecording
+
+    times = [sample.time for sample in loaded.samples.values()]
+    if times and not 0.0 <= start <= max(times) / 1e9:
+        raise OutsideRecording(
+            f"--start {start:g}: {loaded.path} goes from {min(times) / 1e9:.2f} s to {max(times) / 1e9:.2f} s"
+        )
+
+
 def _refuse_nonfinite(option: str, value: float | None) -> None:
     """Raise unless `value` is a time.
 
     Raises:
         ConfigError: it is NaN, infinite or below 0.
     """
-    import math
-
     from runtime.config.layers import ConfigError
 
     if value is not None and not (math.isfinite(value) and value >= 0):

@@ -194,6 +194,8 @@ def test_results_that_cannot_be_written_are_refused_first(tmp_path: Path) -> Non
         (["inspect", "a.mcap", "--save", "a.mcap"], "a.mcap is a recording"),
         (["replay", "a.mcap", "--overlay", "a.mcap"], "a.mcap is a recording"),
         (["replay", "a.mcap", "--start", "nan"], "--start: expected a time in s"),
+        (["replay", "a.mcap", "--start", "1000"], "--start 1000: a.mcap goes from 0.05 s to 1."),
+        (["replay", "a.mcap", "--start", "-1"], "--start -1: a.mcap goes from 0.05 s to 1."),
         (["replay", "a.mcap", "--service", "task", "--set", "controller.k_gamma=1"], "that of task"),
         (["replay", "a.mcap", "--set", "controller.sped=1"], "--set: controller.sped: no such key; did you mean"),
         (["replay", "a.mcap", "--set", "corridor.unknown=x"], "--set: corridor.unknown: expected one of free, occ"),
