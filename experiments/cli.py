@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.experience import ExperienceFile, with_experience
-from runtime.cli.options import Assignments, ConfigFile, check_goal, layers
+from runtime.cli.options import Assignments, ConfigFile, batch_layers, check_goal, layers
 from runtime.outputs import check_folder
 
 
@@ -193,7 +193,7 @@ def deliveries(
     from experiments.session import prepare
     from experiments.trials import Batch, deliver
 
-    given = layers(config, assignments)
+    given = batch_layers(config, assignments, "seeds go from --first on")
     session = prepare(given)
     if failures is not None:
         check_folder(failures)
@@ -227,9 +227,10 @@ def tracking(
     from experiments import tracking as measured
     from experiments.beyond.cases import sensing
 
+    given = batch_layers(config, assignments, "seeds go from --seed on")
     wanted = [case.name for case in sensing(senses.split(","))]
     found: dict[str, list[measured.Watched]] = {name: [] for name in wanted}
-    done = measured.carried_out(wanted, runs, seed, jobs, layers(config, assignments))
+    done = measured.carried_out(wanted, runs, seed, jobs, given)
     console = Console(stderr=True)
     for sense, watched in track(done, total=runs * len(wanted), description="pushing", console=console):
         found[sense].append(watched)

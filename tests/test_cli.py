@@ -265,6 +265,30 @@ def test_what_is_no_log_is_named_with_what_was_expected(tmp_path: Path) -> None:
         assert len(ran.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["deliveries", "--set", "sim.seed=3"], "--set sim.seed: has no effect here: seeds go from --first on"),
+        (["tracking", "--set", "sim.seed=3"], "--set sim.seed: has no effect here: seeds go from --seed on"),
+        (["strategies", "-o", "out", "--set", "sim.scene=open"], "--set sim.scene: has no effect here: the experiment"),
+        (["best", "-o", "out", "--set", "sim.seed=3"], "--set sim.seed: has no effect here: the experiment has its"),
+    ],
+)
+def test_experiments_refuse_what_they_decide_themselves(arguments: list[str], words: str, tmp_path: Path) -> None:
+    ran = pushlane("experiment", *arguments, cwd=tmp_path)
+    assert (ran.returncode, words in ran.stderr, len(ran.stderr.strip().splitlines())) == (2, True, 1), ran.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_experiments_say_which_settings_of_a_file_they_do_not_use(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text('[sim]\nseed = 3\nscene = "open"\ngoal = [1.6, 0.3]\ntime_limit = 1.0\n')
+    arguments = ["experiment", "deliveries", "--trials", "1", "--jobs", "1", "--first", "7", "--config", "a.toml"]
+    ran = pushlane(*arguments, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "a.toml: sim.seed is not used here: seeds go from --first on" in ran.stderr
+    assert "seeds 7 to 7" in ran.stdout
+
+
 def test_the_list_names_everything() -> None:
     found = json.loads(pushlane("sim", "--list", "--json").stdout)
     assert [one["name"] for one in found["scenes"]] == list(scene.names())

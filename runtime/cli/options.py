@@ -42,6 +42,28 @@ def layers(config: Path | None, assignments: Sequence[str] | None) -> list[Layer
     return [*found, read_assignments(assignments)] if assignments else found
 
 
+def batch_layers(
+    config: Path | None, assignments: Sequence[str] | None, own: str, overridden: Sequence[str] = ("seed",)
+) -> list[Layer]:
+    """Return the layers of a verb that makes many pushes, and decides some keys of [sim] for each of them itself.
+
+    Args:
+        own: what decides them, in words.
+        overridden: the keys. A file that serves `sim` as well may have them; it is said that they are not used.
+
+    Raises:
+        ConfigError: --set gives one of them, or see `layers`.
+    """
+    given = layers(config, assignments)
+    for one in given:
+        sim = one.values.get("sim")
+        for key in (key for key in overridden if isinstance(sim, dict) and key in sim):
+            if one.origin == "--set":
+                raise ConfigError(f"--set sim.{key}: has no effect here: {own}")
+            typer.echo(f"{one.origin}: sim.{key} is not used here: {own}", err=True)
+    return given
+
+
 def check_goal(
     position: tuple[float, float] | None,
     option: str,
