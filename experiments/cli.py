@@ -64,7 +64,10 @@ def sim(
         int | None, typer.Option(help="Of everything drawn: same seed, same messages.", show_default="1")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.mcap", help="Record the session here.")
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE.mcap", help="Record the session here.", show_default="not recorded"
+        ),
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the file of --output if it is there.")
@@ -81,12 +84,18 @@ def sim(
         ),
     ] = "",
     tags: Annotated[
-        bool | None, typer.Option("--tags/--no-tags", help="Whether the object bears tags.", show_default="--tags")
+        bool | None,
+        typer.Option(
+            "--tags/--no-tags", help="Whether the object bears tags, which sensors see.", show_default="--tags"
+        ),
     ] = None,
     map_: Annotated[
         str,
         typer.Option(
-            "--map", metavar="FILE.yaml|plan", help="Begin with a map made before, or with the scene's floor plan."
+            "--map",
+            metavar="FILE.yaml|plan",
+            help="Begin with a map made before, or with the scene's floor plan.",
+            show_default="it is made while pushing",
         ),
     ] = "",
     link: Annotated[
@@ -105,7 +114,7 @@ def sim(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print --list, or the result, as JSON.")] = False,
 ) -> None:
-    """Push an object to a goal in simulation, with every service in this process.
+    """Push an object to a goal in simulation. Options override --set, and --set overrides --config.
 
     Everything has a default: [bold]pushlane sim --seed 1 -o a.mcap[/bold] is a whole run. Exits with 0 if the
     object was delivered, 1 if the push failed, 2 if it could not begin.
@@ -173,11 +182,14 @@ def _refuse_of_sensors(origins: dict[str, str]) -> None:
 
 @experiment.command()
 def deliveries(
-    trials: Annotated[int, typer.Option(min=1, help="How many seeds, from 1 on.")] = 100,
+    trials: Annotated[int, typer.Option(min=1, help="How many seeds, from --first on.")] = 100,
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     first: Annotated[int, typer.Option(min=0, help="First seed.")] = 1,
     failures: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Keep the recording of every failed push here.")
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Keep the recording of every failed push here.", show_default="none is kept"
+        ),
     ] = None,
     config: ConfigFile = None,
     assignments: Assignments = None,
@@ -215,7 +227,7 @@ def tracking(
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Of the first run.")] = 1,
     senses: Annotated[
-        str, typer.Option(metavar="A,B", help="Only these: truth, tags, appearance, depth.", show_default="not truth")
+        str, typer.Option(metavar="A,B", help="Only these: truth, tags, appearance, depth.")
     ] = "tags,appearance,depth",
     config: ConfigFile = None,
     assignments: Assignments = None,

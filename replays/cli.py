@@ -32,7 +32,10 @@ def replay(
         list[str] | None,
         typer.Option("--service", help="Only this service; may be given again.", show_default="all"),
     ] = None,
-    start: Annotated[float, typer.Option(metavar="S", help="Begin at the last snapshot before this time.")] = 0.0,
+    start: Annotated[
+        float,
+        typer.Option(metavar="S", help="Begin at the last snapshot before this time.", show_default="its beginning"),
+    ] = 0.0,
     assignments: Assignments = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
     overlay: Annotated[
@@ -98,7 +101,7 @@ def inspect(
         str, typer.Option(metavar="ADDRESS", help="With --live --web: where the page is served.")
     ] = "127.0.0.1",
     duration: Annotated[
-        float, typer.Option("--for", metavar="S", help="With --live: this long; 0: until Ctrl-C.")
+        float, typer.Option("--for", metavar="S", help="With --live: this long.", show_default="until Ctrl-C")
     ] = 0.0,
     config: ConfigFile = None,
     assignments: Assignments = None,

@@ -12,12 +12,14 @@ from pathlib import Path
 import pytest
 
 from drivers.sapien import objects, scene
+from experiments.session import prepare
 from services.names import CONTROLLERS, STRATEGIES
+from services.task.config import TaskConfig
 
 SHORT = ["--perception", "truth", "--scene", "open", "--goal", "1.6", "0.3"]
 
 
-def pushlane(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+def pushlane(*arguments: str, cwd: Path | None = None, columns: int = 120) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "runtime.cli.main", *arguments],
         capture_output=True,
@@ -25,7 +27,7 @@ def pushlane(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedPr
         check=False,
         cwd=cwd,
         timeout=120,
-        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(Path(__file__).parent.parent), "COLUMNS": "120"},
+        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(Path(__file__).parent.parent), "COLUMNS": str(columns)},
     )
 
 
@@ -317,6 +319,29 @@ def test_config_show_says_where_values_come_from_and_reads_back(tmp_path: Path) 
     again = pushlane("config", "show", "--config", "again.toml", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     assert tomllib.loads(again.stdout) == values
+
+
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [
+        (["slam"], ["[default: 30]", "[default: (nothing is written)]", "[default: (a map is made)]"]),
+        (["replay"], ["[default: (its beginning)]"]),
+        (["sim"], ["(living-room)", "(strict)", "(adaptive)", "(0.1)", "(400)", "(not recorded)", "(direct)"]),
+        (["experiment", "deliveries"], ["from --first on. [default: 100]", "(none is kept)"]),
+        (["experiment", "tracking"], ["[default: tags,appearance,depth]"]),
+    ],
+)
+def test_help_names_the_defaults_that_hold(verb: list[str], words: list[str]) -> None:
+    shown = " ".join(pushlane(*verb, "--help", columns=400).stdout.split())
+    for one in words:
+        assert one in shown
+    session = prepare([])
+    task = session.effective.sections["task"]
+    assert isinstance(task, TaskConfig)
+    assert (session.sim.scene, session.sim.link, task.strategy, task.controller) == (
+        "living-room", "direct", "strict", "adaptive",
+    )  # fmt: skip
+    assert (task.precision, task.time_limit) == (0.1, 400.0)
 
 
 def test_help_teaches() -> None:

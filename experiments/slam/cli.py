@@ -22,17 +22,26 @@ File = Annotated[
 ]
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="FOLDER", help="Where map.png, .rrd, .yaml and .pgm go; none: nowhere."),
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FOLDER",
+        help="Where map.png, map.rrd, map.yaml and map.pgm go.",
+        show_default="nothing is written",
+    ),
 ]
 NumberOfParticles = Annotated[int, typer.Option("--particles", min=1, max=1000, help="Particles.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of everything drawn.")]
 KnownMap = Annotated[
     Path | None,
     typer.Option(
-        "--map", metavar="FILE", help="Localise in this map (map_server's YAML) from nothing; none: make one."
+        "--map",
+        metavar="FILE.yaml",
+        help="Localise in this map, as map_server saves them, from nothing.",
+        show_default="a map is made",
     ),
 ]
-Scans = Annotated[int, typer.Option("--scans", min=0, help="Only so many, from the first on; 0: all.")]
+Scans = Annotated[int, typer.Option("--scans", min=0, help="Only so many, from the first on; 0: all of them.")]
 
 
 def register(app: typer.Typer) -> None:
