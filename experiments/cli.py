@@ -12,7 +12,8 @@ from typing import Annotated
 import typer
 
 from runtime.cli.experience import ExperienceFile, with_experience
-from runtime.cli.options import Assignments, ConfigFile, layers
+from runtime.cli.options import Assignments, ConfigFile, batch_layers, check_goal, layers
+from runtime.outputs import check_folder
 
 
 class Mode(StrEnum):
@@ -63,7 +64,10 @@ def sim(
         int | None, typer.Option(help="Of everything drawn: same seed, same messages.", show_default="1")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.mcap", help="Record the session here.")
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE.mcap", help="Record the session here.", show_default="not recorded"
+        ),
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the file of --output if it is there.")
@@ -80,12 +84,18 @@ def sim(
         ),
     ] = "",
     tags: Annotated[
-        bool | None, typer.Option("--tags/--no-tags", help="Whether the object bears tags.", show_default="--tags")
+        bool | None,
+        typer.Option(
+            "--tags/--no-tags", help="Whether the object bears tags, which sensors see.", show_default="--tags"
+        ),
     ] = None,
     map_: Annotated[
         str,
         typer.Option(
-            "--map", metavar="FILE.yaml|plan", help="Begin with a map made before, or with the scene's floor plan."
+            "--map",
+            metavar="FILE.yaml|plan",
+            help="Begin with a map made before, or with the scene's floor plan.",
+            show_default="it is made while pushing",
         ),
     ] = "",
     link: Annotated[
@@ -104,7 +114,7 @@ def sim(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print --list, or the result, as JSON.")] = False,
 ) -> None:
-    """Push an object to a goal in simulation, with every service in this process.
+    """Push an object to a goal in simulation. Options override --set, and --set overrides --config.
 
     Everything has a default: [bold]pushlane sim --seed 1 -o a.mcap[/bold] is a whole run. Exits with 0 if the
     object was delivered, 1 if the push failed, 2 if it could not begin.
@@ -118,6 +128,7 @@ def sim(
     from experiments.session import prepare
     from runtime.config.layers import Layer
 
+    check_goal(goal, "--goal", precision, yaw, time_limit)
     given = {
         "--scene": ("scene", scene),
         "--object": ("object", object_),
@@ -129,13 +140,15 @@ def sim(
         "--time-limit": ("time_limit", time_limit),
         "--seed": ("seed", seed),
         "--perception": ("perception", perception),
-        "--tags": ("tagged", tags),
+        "--no-tags" if tags is False else "--tags": ("tagged", tags),
         "--map": ("map", map_),
         "--link": ("link", link),
     }
     options = [Layer(flag, {"sim": {key: value}}) for flag, (key, value) in given.items() if value not in (None, "")]
     weakest = Layer("pushlane sim", {"sim": {"perception": "sensors"}})
     session = prepare([weakest, *with_experience(layers(config, assignments), experience), *options])
+    if session.sim.perception == "truth":
+        _refuse_of_sensors(session.effective.origins)
     delivered = watching.show(
         session,
         output,
@@ -147,13 +160,36 @@ def sim(
     raise typer.Exit(0 if delivered else 1)
 
 
+_OF_SENSORS = {"sim.tagged": ("--tags", "--no-tags"), "sim.map": ("--map",), "sim.depth": ()}
+"""Settings that only perception from sensors reads -> the options that give them."""
+
+
+def _refuse_of_sensors(origins: dict[str, str]) -> None:
+    """Raise if the command line says what perception from truth would not look at. A file may serve both.
+
+    Raises:
+        ConfigError: it does.
+    """
+    from runtime.config.layers import ConfigError
+
+    for key, options in _OF_SENSORS.items():
+        origin = origins.get(key, "default")
+        if origin == "--set" or origin in options:
+            name = f"--set {key}" if origin == "--set" else origin
+            why = f"sim.perception is truth ({origins.get('sim.perception', 'default')})"
+            raise ConfigError(f"{name}: needs perception from sensors to have an effect; {why}")
+
+
 @experiment.command()
 def deliveries(
-    trials: Annotated[int, typer.Option(min=1, help="How many seeds, from 1 on.")] = 100,
+    trials: Annotated[int, typer.Option(min=1, help="How many seeds, from --first on.")] = 100,
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     first: Annotated[int, typer.Option(min=0, help="First seed.")] = 1,
     failures: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Keep the recording of every failed push here.")
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Keep the recording of every failed push here.", show_default="none is kept"
+        ),
     ] = None,
     config: ConfigFile = None,
     assignments: Assignments = None,
@@ -168,15 +204,11 @@ def deliveries(
 
     from experiments.session import prepare
     from experiments.trials import Batch, deliver
-    from runtime.config.layers import ConfigError
 
-    given = layers(config, assignments)
+    given = batch_layers(config, assignments, "seeds go from --first on")
     session = prepare(given)
     if failures is not None:
-        try:
-            failures.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f"--failures {failures}: {error.strerror or error}") from error
+        check_folder(failures)
     seeds = range(first, first + trials)
     console = Console(stderr=True)
     done = list(track(deliver(given, seeds, jobs, failures), total=trials, description="pushing", console=console))
@@ -195,7 +227,7 @@ def tracking(
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Of the first run.")] = 1,
     senses: Annotated[
-        str, typer.Option(metavar="A,B", help="Only these: truth, tags, appearance, depth.", show_default="not truth")
+        str, typer.Option(metavar="A,B", help="Only these: truth, tags, appearance, depth.")
     ] = "tags,appearance,depth",
     config: ConfigFile = None,
     assignments: Assignments = None,
@@ -207,9 +239,10 @@ def tracking(
     from experiments import tracking as measured
     from experiments.beyond.cases import sensing
 
+    given = batch_layers(config, assignments, "seeds go from --seed on")
     wanted = [case.name for case in sensing(senses.split(","))]
     found: dict[str, list[measured.Watched]] = {name: [] for name in wanted}
-    done = measured.carried_out(wanted, runs, seed, jobs, layers(config, assignments))
+    done = measured.carried_out(wanted, runs, seed, jobs, given)
     console = Console(stderr=True)
     for sense, watched in track(done, total=runs * len(wanted), description="pushing", console=console):
         found[sense].append(watched)

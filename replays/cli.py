@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from runtime.bus.config import BusConfig
 from runtime.cli.options import Assignments, ConfigFile, bus_of
+from runtime.outputs import check_file
+
+if TYPE_CHECKING:
+    from replays.recording import Recording
 
 Session = Annotated[Path, typer.Argument(metavar="FILE.mcap", help="A recorded session.", show_default=False)]
 
@@ -27,7 +32,10 @@ def replay(
         list[str] | None,
         typer.Option("--service", help="Only this service; may be given again.", show_default="all"),
     ] = None,
-    start: Annotated[float, typer.Option(metavar="S", help="Begin at the last snapshot before this time.")] = 0.0,
+    start: Annotated[
+        float,
+        typer.Option(metavar="S", help="Begin at the last snapshot before this time.", show_default="its beginning"),
+    ] = 0.0,
     assignments: Assignments = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
     overlay: Annotated[
@@ -45,9 +53,12 @@ def replay(
     from runtime.config.layers import read_assignments
     from runtime.time import nanoseconds
 
-    _refuse_unwritable(overlay)
-    _refuse_nonfinite("--start", start)
+    if overlay is not None:
+        check_file(overlay, replace=True)
+    if not math.isfinite(start):
+        _refuse_nonfinite("--start", start)
     loaded = recording.load(file)
+    _refuse_outside(loaded, start)
     changes = read_assignments(assignments).values if assignments else {}
     result = execute(loaded, service, changes, nanoseconds(start), keep=overlay is not None)
     if as_json:
@@ -90,7 +101,7 @@ def inspect(
         str, typer.Option(metavar="ADDRESS", help="With --live --web: where the page is served.")
     ] = "127.0.0.1",
     duration: Annotated[
-        float, typer.Option("--for", metavar="S", help="With --live: this long; 0: until Ctrl-C.")
+        float, typer.Option("--for", metavar="S", help="With --live: this long.", show_default="until Ctrl-C")
     ] = 0.0,
     config: ConfigFile = None,
     assignments: Assignments = None,
@@ -103,7 +114,8 @@ def inspect(
     _refuse_nonfinite("--at", at)
     _refuse_nonfinite("--for", duration)
     for out in (save, screenshot):
-        _refuse_unwritable(out)
+        if out is not None:
+            check_file(out, replace=True)
     if live == (file is not None):
         raise typer.BadParameter("expected either FILE.mcap or --live")
     if live:
@@ -131,20 +143,19 @@ def _inspect_live(bus: BusConfig, save: Path | None, web: bool, bind: str, conne
     typer.echo(f"{fed.messages} messages in {fed.seconds:.1f} s, {len(fed.rows)} entities{where}{dropped}")
 
 
-def _refuse_unwritable(out: Path | None) -> None:
-    """Raise before the work begins if its result could not be written.
+def _refuse_outside(loaded: Recording, start: float) -> None:
+    """Raise unless a replay can begin at `start`, s. What is before the first message is its beginning.
 
     Raises:
-        CannotRecord: the folder is missing, or the name is a folder's.
+        OutsideRecording: it is below 0, or after the last message.
     """
-    from runtime.recorder.writer import CannotRecord
+    from replays.recording import OutsideRecording
 
-    if out is not None and not out.parent.is_dir():
-        raise CannotRecord(f"cannot write {out}: there is no folder {out.parent}")
-    if out is not None and out.is_dir():
-        raise CannotRecord(f"cannot write {out}: it is a folder")
-    if out is not None and out.exists() and out.suffix == ".mcap":
-        raise CannotRecord(f"{out} is a recording: choose another name")
+    times = [sample.time for sample in loaded.samples.values()]
+    if times and not 0.0 <= start <= max(times) / 1e9:
+        raise OutsideRecording(
+            f"--start {start:g}: {loaded.path} goes from {min(times) / 1e9:.2f} s to {max(times) / 1e9:.2f} s"
+        )
 
 
 def _refuse_nonfinite(option: str, value: float | None) -> None:
@@ -153,8 +164,6 @@ def _refuse_nonfinite(option: str, value: float | None) -> None:
     Raises:
         ConfigError: it is NaN, infinite or below 0.
     """
-    import math
-
     from runtime.config.layers import ConfigError
 
     if value is not None and not (math.isfinite(value) and value >= 0):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from runtime.errors import PushlaneError
+from runtime.outputs import CannotWrite, check_file, writing
 
 if TYPE_CHECKING:
     from replays.recording import Recording
@@ -43,15 +44,14 @@ def save(
     """
     from replays.recording import load
     from runtime.cli.experience import encoded
-    from runtime.config.layers import ConfigError
 
-    if output.exists() and (not overwrite or not output.is_file()):
-        raise ConfigError(f"{output} is there already: choose another name{', or --overwrite' * output.is_file()}")
+    with writing(output):
+        if output.is_file() and not overwrite:
+            raise CannotWrite(f"{output} is there already: choose another name, or --overwrite")
+    check_file(output, replace=True)
     known = learned(load(file), name)
-    try:
+    with writing(output):
         output.write_bytes(encoded(known))
-    except OSError as error:
-        raise ConfigError(f"cannot write {output}: {error.strerror or error}") from error
     typer.echo(
         f"{known.object or 'object'} of {known.diameter:.3f} m: {known.touches} touches, {known.windows} windows; "
         f"written to {output}"

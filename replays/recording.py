@@ -28,6 +28,10 @@ class Unusable(PushlaneError):
     """The file cannot be replayed at all."""
 
 
+class OutsideRecording(PushlaneError):
+    """A time is not in the recording."""
+
+
 @dataclass
 class Recording:
     """What a session file holds.

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-import msgspec
-
 from replays import chain, coverage
 from replays.execution import Execution
 from replays.recording import Recording, Unusable
 from replays.result import Comparison, NodeResult, Report, TopicResult
 from runtime import registry
+from runtime.config.layers import Layer, effective
 from runtime.guard import Guard
 from runtime.journal import Entry
 from runtime.messages import EntryKind
@@ -39,6 +38,7 @@ def replay(
 
     Raises:
         Unusable: no such node, or a journal cannot be executed at all.
+        ConfigError: the recorded configuration, or `changes`, does not fit the services.
         Nondeterministic: a service read a clock or the like.
     """
     only = recording.header.only
@@ -134,16 +134,5 @@ def _build(
     recording: Recording, name: str, changes: dict[str, Any], services: Callable[[str], type[Service]]
 ) -> Service:
     kind = services(name)
-    values = _overlaid(recording.config["sections"].get(name, {}), changes)
-    try:
-        return kind(msgspec.convert(values, kind.Config))
-    except msgspec.ValidationError as error:
-        raise Unusable(f"{recording.path}: the configuration of '{name}' does not fit: {error}") from error
-
-
-def _overlaid(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    result = dict(values)
-    for key, change in changes.items():
-        inner = result.get(key)
-        result[key] = _overlaid(inner, change) if isinstance(change, dict) and isinstance(inner, dict) else change
-    return result
+    recorded = Layer(f"{recording.path}, as recorded", {name: recording.config["sections"].get(name, {})})
+    return kind(effective({name: kind.Config}, [recorded, Layer("--set", {name: changes})]).sections[name])

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from experiments.paper.cli import KEPT, Failures, Jobs, Seed, names
-from runtime.cli.options import Assignments, ConfigFile, layers
+from experiments.paper.cli import DECIDED, DECIDES, KEPT, Failures, Jobs, Seed, names
+from runtime.cli.options import Assignments, ConfigFile, batch_layers
 
 if TYPE_CHECKING:
     from experiments.beyond.cases import Case
@@ -201,7 +201,7 @@ def _carry_out(
         folder=output,
         failures=failures,
         drawn=plots,
-        layers=[*DEFAULTS.get(cases[0].experiment, []), *layers(config, assignments)],
+        layers=[*DEFAULTS.get(cases[0].experiment, []), *batch_layers(config, assignments, DECIDES, DECIDED)],
         command=shlex.join(["pushlane", *sys.argv[1:]]),
     )
     raise typer.Exit(0 if carry_out(order) else 130)

@@ -30,6 +30,7 @@ from experiments.paper.tables import Table
 from experiments.paper.trial import Outcome
 from experiments.paper.whole import Run, pushed
 from runtime.config.layers import Layer
+from runtime.outputs import writing
 
 TITLES = {
     "best": "The bar: corridors of four widths, and rooms",
@@ -108,7 +109,8 @@ def carry_out(order: Order) -> bool:
     """
     wanted = list(tasks(order.cases, order.method, order.trials, order.first_seed))
     store, whole, kept = pushed(order, wanted, folder_of)
-    found = write(order, store.facts, store.outcomes, kept)
+    with writing(order.folder):
+        found = write(order, store.facts, store.outcomes, kept)
     for table in found:
         print(table.markdown(), end="\n\n")
     print(f"{order.folder / 'report.md'}: {len(store.outcomes)} trials", flush=True)

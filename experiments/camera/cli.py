@@ -12,6 +12,7 @@ import typer
 
 from runtime.cli.options import Assignments, ConfigFile, bus_of
 from runtime.config.layers import ConfigError
+from runtime.outputs import check_file, writing
 
 if TYPE_CHECKING:
     from drivers.camera.board import Board
@@ -109,7 +110,7 @@ def camera(
 
     board = _board(kind, columns, rows, square, marker, dictionary)
     if output is not None:
-        _refuse_unwritable(output)
+        check_file(output)
     found = gather(opened(source, time.monotonic), board, most, _stopped_by_signals().wait, typer.echo)
     if found.size is None:
         raise TooFewViews(f"{source} gave no picture that can be read")
@@ -125,7 +126,8 @@ def camera(
     if output is None:
         typer.echo(text, nl=False)
     else:
-        output.write_text(text)
+        with writing(output):
+            output.write_text(text)
         typer.echo(f"{output}: add it to the system file")
 
 
@@ -146,9 +148,10 @@ def draw(
     board = _board(kind, columns, rows, square, marker, dictionary)
     if output.suffix.lower() != ".png":
         raise ConfigError(f"--output {output}: expected a name that ends in .png")
-    _refuse_unwritable(output)
+    check_file(output)
     drawn, side = sheet.page(board, resolution)
-    output.write_bytes(sheet.png(drawn, board, side))
+    with writing(output):
+        output.write_bytes(sheet.png(drawn, board, side))
     height, width = (1000 * pixels * board.square / side for pixels in drawn.shape)
     typer.echo(f"{output}: {sheet.described(board)}; the sheet has {width:.0f} x {height:.0f} mm")
     typer.echo(f"print at 100 %: a square has {side} pixels, the bar below the board 100 mm")
@@ -165,18 +168,6 @@ def _board(kind: str, columns: int, rows: int, square: float, marker: float, dic
     if kind not in list(Kind):
         raise ConfigError(f"--board {kind}: expected one of {', '.join(Kind)}")
     return Board(Kind(kind), columns, rows, square, marker or 0.75 * square, dictionary)
-
-
-def _refuse_unwritable(path: Path) -> None:
-    """Raise unless `path` can be a new file.
-
-    Raises:
-        ConfigError: its folder is missing, or it is there already.
-    """
-    if not path.parent.is_dir():
-        raise ConfigError(f"cannot write {path}: there is no folder {path.parent}")
-    if path.exists():
-        raise ConfigError(f"{path} is there already: choose another name")
 
 
 def _stopped_by_signals() -> threading.Event:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from experiments.paper.cells import EXPERIMENTS, STARTS, TITLES, WHAT_A_CELL_IS
-from runtime.cli.options import Assignments, ConfigFile, layers
+from runtime.cli.options import Assignments, ConfigFile, batch_layers
 
 Trials = Annotated[int, typer.Option(min=1, help="Trials a cell.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Processes.")]
@@ -44,6 +44,10 @@ KEPT = (
     "Finished trials are kept: the same command goes on where it was stopped (Ctrl-C stops it and writes the report "
     "of what there is), and more --trials add to those there are. Results do not depend on --jobs."
 )
+
+DECIDED = ("scene", "object", "strategy", "controller", "precision", "seed", "start")
+"""Keys of [sim] that every trial has its own of."""
+DECIDES = "the experiment has its own, and seeds from --seed on"
 
 _DEFAULT = Path("out/experiments")
 _STARTS = ",".join(STARTS)
@@ -89,7 +93,7 @@ def _verb(experiments: Sequence[str]) -> Callable[..., None]:
             starts=names(starts),
             failures=failures,
             drawn=plots,
-            layers=layers(config, assignments),
+            layers=batch_layers(config, assignments, DECIDES, DECIDED),
             command=shlex.join(["pushlane", *sys.argv[1:]]),
         )
         whole = carry_out(order)

@@ -13,6 +13,7 @@ import runtime
 from experiments.paper.trial import Outcome
 from runtime.config.layers import ConfigError, Layer
 from runtime.errors import PushlaneError
+from runtime.outputs import writing
 from runtime.recorder import header
 
 _RUN, _TRIALS, _PARQUET = "run.json", "trials.jsonl", "trials.parquet"
@@ -78,15 +79,18 @@ class Store:
 
     def add(self, outcome: Outcome) -> None:
         """Keep one more trial, on the disk at once."""
-        self._file.write(msgspec.json.encode(outcome) + b"\n")
-        self._file.flush()
+        with writing(self.folder / _TRIALS):
+            self._file.write(msgspec.json.encode(outcome) + b"\n")
+            self._file.flush()
         self.outcomes.append(outcome)
 
     def close(self) -> None:
         """Write trials.parquet, in an order that does not depend on how many processes there were."""
-        self._file.close()
         self.outcomes.sort(key=lambda one: one.key)
-        write_parquet(self.outcomes, self.folder / _PARQUET)
+        with writing(self.folder / _TRIALS):
+            self._file.close()
+        with writing(self.folder / _PARQUET):
+            write_parquet(self.outcomes, self.folder / _PARQUET)
 
 
 def stored(folder: Path) -> tuple[Facts, list[Outcome]]:

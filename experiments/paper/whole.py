@@ -12,6 +12,7 @@ from experiments.paper.cells import STARTS, Task, cell_of, cells, tasks
 from experiments.paper.store import Store
 from experiments.paper.trial import Outcome, session_of
 from runtime.config.layers import ConfigError, Layer
+from runtime.outputs import writing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +53,17 @@ def carry_out(order: Order) -> bool:
             f"--methods {','.join(order.methods)}: no method of {', '.join(order.experiments)} among them"
         )
     store, whole, kept = pushed(order, wanted, lambda one: cell_of(one).name)
-    found = report.write(
-        order.folder, store.facts, store.outcomes, order.layers, order.command, order.jobs, kept, order.drawn and whole
-    )
+    with writing(order.folder):
+        found = report.write(
+            order.folder,
+            store.facts,
+            store.outcomes,
+            order.layers,
+            order.command,
+            order.jobs,
+            kept,
+            order.drawn and whole,
+        )
     for table in found:
         print(table.markdown(), end="\n\n")
     print(f"{order.folder / 'report.md'}: {len(store.outcomes)} trials", flush=True)
@@ -115,7 +124,8 @@ def _recorded(outcomes: Iterable[Outcome], order: Run, cell: Callable[[Task], st
         kept += [(one, order.folder / "failures" / folder / f"seed-{one.seed}.mcap") for one in first]
     missing = [(_task(one), path) for one, path in kept if not path.exists()]
     for _, path in missing:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        with writing(path.parent):
+            path.parent.mkdir(parents=True, exist_ok=True)
     running.recordings(missing, order.layers, order.jobs)
     return kept
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from runtime.outputs import check_folder, writing
+
 if TYPE_CHECKING:
     from experiments.slam.logs import Log
     from experiments.slam.metric import Agreement
@@ -20,17 +22,26 @@ File = Annotated[
 ]
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="FOLDER", help="Where map.png, .rrd, .yaml and .pgm go; none: nowhere."),
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FOLDER",
+        help="Where map.png, map.rrd, map.yaml and map.pgm go.",
+        show_default="nothing is written",
+    ),
 ]
 NumberOfParticles = Annotated[int, typer.Option("--particles", min=1, max=1000, help="Particles.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of everything drawn.")]
 KnownMap = Annotated[
     Path | None,
     typer.Option(
-        "--map", metavar="FILE", help="Localise in this map (map_server's YAML) from nothing; none: make one."
+        "--map",
+        metavar="FILE.yaml",
+        help="Localise in this map, as map_server saves them, from nothing.",
+        show_default="a map is made",
     ),
 ]
-Scans = Annotated[int, typer.Option("--scans", min=0, help="Only so many, from the first on; 0: all.")]
+Scans = Annotated[int, typer.Option("--scans", min=0, help="Only so many, from the first on; 0: all of them.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -57,6 +68,8 @@ def slam(
     from experiments.slam.logs import read
     from services.mapping.config import FilterConfig
 
+    if output is not None:
+        check_folder(output)
     log = read(file)
     if scans:
         log = log.cut(scans)
@@ -66,10 +79,10 @@ def slam(
     for line in _told(log, found):
         typer.echo(line)
     if output is not None:
-        output.mkdir(parents=True, exist_ok=True)
-        whole.picture(found, log.reference).savefig(output / "map.png")
-        whole.to_rerun(found, log.reference, output / "map.rrd")
-        saved = maps.write(output, found.cells, found.corner)
+        with writing(output):
+            whole.picture(found, log.reference).savefig(output / "map.png")
+            whole.to_rerun(found, log.reference, output / "map.rrd")
+            saved = maps.write(output, found.cells, found.corner)
         typer.echo(f"{output / 'map.png'}, {output / 'map.rrd'}, {saved}")
 
 

@@ -28,6 +28,15 @@ _BEAMS = {180: math.radians(1.0), 181: math.radians(1.0), 360: math.radians(0.5)
 """rad between beams of an FLASER line, which does not say it: half a turn, from the right on"""
 
 
+_EXPECTED = "a CARMEN log (.log, .log.gz), arrays (.npz) or a session (.mcap)"
+_FORMATS = {
+    "ODOM": "ODOM x y theta ...",
+    "FLASER": "FLASER count ranges... x y theta, of the laser, x y theta, of the base",
+    "ROBOTLASER1": "ROBOTLASER1 type start field resolution maximum accuracy mode count ranges... count remissions... "
+    "x y theta, of the laser, x y theta, of the base",
+}
+
+
 class BadLog(PushlaneError):
     """A log cannot be read."""
 
@@ -71,8 +80,12 @@ def read(file: Path) -> Log:
     Raises:
         BadLog: it cannot be read.
     """
+    if file.is_dir():
+        raise BadLog(f"{file}: is a folder; expected {_EXPECTED}")
     if not file.is_file():
         raise BadLog(f"{file}: there is no such file")
+    if not file.stat().st_size:
+        raise BadLog(f"{file}: is empty; expected {_EXPECTED}")
     if file.suffix == ".mcap":
         from experiments.slam.sessions import of_session  # heavy
 
@@ -85,6 +98,8 @@ def read(file: Path) -> Log:
 
 
 def _arrays(file: Path) -> Log:
+    if not zipfile.is_zipfile(file):
+        raise BadLog(f"{file}: no .npz file; expected one as numpy.savez writes it, with ranges, odom and aperture")
     try:
         with np.load(file) as found:
             data = {name: found[name] for name in found.files}
@@ -138,7 +153,12 @@ def _carmen(file: Path) -> Log:
                 scans.append(_LASERS[words[0]](words, odometry))
                 odometry = None
         except (ValueError, IndexError, OverflowError) as error:
-            raise BadLog(f"{file}, line {number}: {words[0]} cannot be read: {error}") from error
+            why = "it ends too early" if isinstance(error, IndexError) else error
+            raise BadLog(
+                f"{file}, line {number}: {words[0]} cannot be read: {why}; the format is {_FORMATS[words[0]]}"
+            ) from error
+    if not scans:
+        raise BadLog(f"{file}: 0 laser scans: no line begins with {' or '.join(_LASERS)}{_first_of(file)}")
     poses = np.array([one.base for one in scans]).reshape(-1, 3)
     steps = [np.zeros(3)]
     for before, after in pairwise(scans):
@@ -176,6 +196,7 @@ _LASERS = {"FLASER": _flaser, "ROBOTLASER1": _robotlaser}
 
 def _lines(file: Path) -> Iterator[tuple[int, list[str]]]:
     """Yield the lines that hold words, with their numbers, comments left out."""
+    number = 0
     try:
         with gzip.open(file, "rt") if file.suffix == ".gz" else file.open() as lines:
             for number, line in enumerate(lines, 1):
@@ -183,7 +204,14 @@ def _lines(file: Path) -> Iterator[tuple[int, list[str]]]:
                 if words and not words[0].startswith("#"):
                     yield number, words
     except (OSError, EOFError, UnicodeDecodeError, zlib.error) as error:
-        raise BadLog(f"{file}: not a CARMEN log: {error}") from error
+        why = "no text" if isinstance(error, UnicodeDecodeError) else error
+        raise BadLog(f"{file}, after line {number}: not a CARMEN log: {why}; expected {_EXPECTED}") from error
+
+
+def _first_of(file: Path) -> str:
+    """Return what the first line begins with, in words: what is no CARMEN log shows it there."""
+    number, words = next(_lines(file), (0, [""]))
+    return f"; line {number} begins with {words[0][:40]!r}" if number else ""
 
 
 def _front(count: int) -> Array:

@@ -39,7 +39,8 @@ def read(file: Path) -> tuple[Cells, Array]:
     try:
         said = YAML(typ="safe", pure=True).load(file.read_text())
     except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise BadMap(f"{file}: {error}") from error
+        why = error.strerror if isinstance(error, OSError) else " ".join(str(error).split())
+        raise BadMap(f"{file}: {why}; expected the YAML file of a map as map_server saves it") from error
     if not isinstance(said, dict) or not {"image", "resolution", "origin"} <= said.keys():
         raise BadMap(f"{file}: expected image, resolution and origin")
     try:
@@ -68,7 +69,7 @@ def read(file: Path) -> tuple[Cells, Array]:
 def write(folder: Path, cells: Cells, corner: Array, name: str = "map") -> Path:
     """Write a map, as `read` returns it, to `folder`; return the YAML file."""
     grey = np.select([cells == 0, cells == 100], [_FREE, _OCCUPIED], _UNKNOWN).astype(np.uint8)
-    cv2.imwrite(str(folder / f"{name}.pgm"), np.ascontiguousarray(grey[::-1]))
+    (folder / f"{name}.pgm").write_bytes(cv2.imencode(".pgm", np.ascontiguousarray(grey[::-1]))[1].tobytes())
     file = folder / f"{name}.yaml"
     lines = [
         f"image: {name}.pgm",

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from experiments.slam.logs import Log
 from runtime.errors import PushlaneError
+from runtime.outputs import CannotWrite
 from services.geometry.pose import compose
 from services.mapping.config import FilterConfig
 from services.mapping.filter import Noise, Particles
@@ -135,7 +136,10 @@ def to_rerun(found: Mapped, reference: Array | None, file: Path) -> None:
     import rerun as rr  # heavy
 
     with rr.RecordingStream("pushlane slam") as recording:
-        recording.save(str(file))
+        try:
+            recording.save(str(file))
+        except RuntimeError as error:  # Rerun's for a full disk and the like
+            raise CannotWrite(f"cannot write {file}: {error}") from error
         shade = np.select([found.cells == 0, found.cells == 100], [255, 0], 200).astype(np.uint8)
         h, w = shade.shape
         x0, y0 = found.corner

@@ -10,6 +10,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from replays.inspect.palette import Colour
+from runtime.outputs import CannotWrite
 
 TIMELINE = "t"
 
@@ -30,8 +31,11 @@ class Canvas:
 
     def save(self, out: Path, blueprint: rr.blueprint.Blueprint) -> None:
         """Writes everything drawn so far, and closes the recording."""
-        self.recording.save(out, default_blueprint=blueprint)
-        self.recording.flush()
+        try:
+            self.recording.save(out, default_blueprint=blueprint)
+            self.recording.flush()
+        except RuntimeError as error:  # Rerun's for a full disk and the like
+            raise CannotWrite(f"cannot write {out}: {error}") from error
         self.recording.disconnect()
 
     def columns(self, entity: str, times: NDArray[np.int64], *columns: Iterable[rr.ComponentColumn]) -> None:

@@ -38,6 +38,7 @@ from replays.inspect.states import draw_states
 from replays.inspect.viewer import serving
 from runtime.bus.config import BusConfig
 from runtime.live.watch import window
+from runtime.outputs import CannotWrite
 from runtime.recorder.schema import message_type
 from runtime.sample import Sample
 
@@ -222,7 +223,10 @@ def _open(
 ) -> Callable[[], bool]:
     """Open where the drawings go. Returns what tells whether it is gone."""
     if save is not None:
-        canvas.recording.save(save)
+        try:
+            canvas.recording.save(save)
+        except RuntimeError as error:  # Rerun's for a full disk and the like
+            raise CannotWrite(f"cannot write {save}: {error}") from error
         return lambda: False
     if address:
         host, port, url = _viewer_at(address)

@@ -9,6 +9,7 @@ import typer
 
 from replays.inspect import InspectSummary, open_viewer, screenshot, to_rrd
 from runtime.errors import PushlaneError
+from runtime.outputs import writing
 
 
 class OutsideSession(PushlaneError):
@@ -36,7 +37,8 @@ def show(session: Path, save: Path | None, picture: Path | None, at: float | Non
             typer.echo(f"{len(summary.rows)} entities, {sum(summary.rows.values())} rows written to {save}")
         if picture is not None:
             middle = (summary.first + 0.6 * (summary.last - summary.first)) / 1e9
-            screenshot(rrd, picture, middle if at is None else at)
+            with writing(picture):
+                screenshot(rrd, picture, middle if at is None else at)
             typer.echo(f"picture written to {picture}")
         if save is None and picture is None:
             open_viewer(rrd, web)

@@ -16,8 +16,9 @@ from typing import Annotated, Any
 import typer
 
 from runtime.cli.experience import ExperienceFile, with_experience
-from runtime.cli.options import Assignments, ConfigFile, bus_of, layers
+from runtime.cli.options import Assignments, ConfigFile, bus_of, check_goal, layers
 from runtime.config.layers import ConfigError
+from runtime.outputs import check_file
 
 recordings = typer.Typer(no_args_is_help=True, help="Let a running system record itself.")
 
@@ -72,7 +73,7 @@ def run(
     plan = session.plan()
     names = _chosen(plan.nodes, only or [], hosts, host)
     if output is not None:
-        _refuse_unwritable(output)
+        check_file(output)
     _check_recordings(plan.sections["live"])
     bus = session.effective.sections["bus"]
     console = Console()
@@ -92,12 +93,16 @@ def push(
     to: Annotated[tuple[float, float], typer.Option("--to", metavar="X Y", help="Where to, in m on the map.")],
     strategy: Annotated[str, typer.Option(help="How targets are chosen.", show_default="as the task says")] = "",
     controller: Annotated[str, typer.Option(help="How the base pushes.", show_default="as the task says")] = "",
-    precision: Annotated[float, typer.Option(metavar="M", help="Delivered within this; 0: as the task says.")] = 0.0,
+    precision: Annotated[
+        float | None, typer.Option(metavar="M", help="Delivered within this.", show_default="as the task says")
+    ] = None,
     yaw: Annotated[
         float | None,
         typer.Option(metavar="DEGREES", help="Turned so, on the map; predictive only.", show_default="any"),
     ] = None,
-    time_limit: Annotated[float, typer.Option(metavar="S", help="Give up after this; 0: as the task says.")] = 0.0,
+    time_limit: Annotated[
+        float | None, typer.Option(metavar="S", help="Give up after this.", show_default="as the task says")
+    ] = None,
     config: ConfigFile = None,
     assignments: Assignments = None,
 ) -> None:
@@ -112,13 +117,14 @@ def push(
     from runtime.live.table import push_line
     from runtime.messages import PushGoal, Vector2
 
+    check_goal(to, "--to", precision, yaw, time_limit)
     goal = PushGoal(
         position=Vector2(x=to[0], y=to[1]),
         strategy=strategy,
         controller=controller,
-        precision=precision,
+        precision=precision or 0.0,
         yaw=None if yaw is None else math.radians(yaw),
-        time_limit=time_limit,
+        time_limit=time_limit or 0.0,
     )
     bus = bus_of(config, assignments)
     console = Console()
@@ -168,7 +174,7 @@ def record(
 
     bus, limit = bus_of(config, assignments), Split.parse(split)
     path = output or Path(default_name(bus.robot))
-    _refuse_unwritable(path)
+    check_file(path)
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
@@ -256,18 +262,6 @@ def _check_recordings(live: dict[str, Any]) -> None:
     if not Path(live["recordings"]).is_dir():
         raise ConfigError(f"live.recordings: there is no folder {live['recordings']}")
     Split.parse(live["split"])
-
-
-def _refuse_unwritable(path: Path) -> None:
-    """Raise unless `path` can be a new file.
-
-    Raises:
-        ConfigError: its folder is missing, or it is there already.
-    """
-    if not path.parent.is_dir():
-        raise ConfigError(f"cannot write {path}: there is no folder {path.parent}")
-    if path.exists():
-        raise ConfigError(f"{path} is there already: choose another name")
 
 
 def _chosen(names: list[str], only: list[str], hosts: dict[str, Any], host: str) -> list[str]:

@@ -168,8 +168,57 @@ def _explain(
         what = f"no such key{_hint(unknown['field'], _known_fields(kind, path))}"
     else:
         found = _at(values, path)
-        what = what[:1].lower() + what[1:] + (f" (found {found!r})" if found is not None and path else "")
+        choices = _choices(kind, path)
+        what = f"expected one of {', '.join(choices)}" if choices else what[:1].lower() + what[1:]
+        what += f" (found {found!r})" if found is not None and path else ""
     return ConfigError(f"{_origin(key, origins)}: {key}: {what}")
+
+
+def _choices(kind: type[msgspec.Struct], path: str) -> list[str]:
+    """Return the values that may stand at `path`, as TOML writes them, if they can be counted."""
+    found: msgspec.inspect.Type = msgspec.inspect.type_info(kind)
+    for part in filter(None, re.split(r"\.|(?=\[)", path)):
+        inner = [one for option in _options(found) for one in _inside(option, part)]
+        if len(inner) != 1:
+            return []
+        found = inner[0]
+    options = [one for one in _options(found) if not isinstance(one, msgspec.inspect.NoneType)]
+    values: list[object] = []
+    for one in options:
+        if isinstance(one, msgspec.inspect.LiteralType):
+            values += one.values
+        elif isinstance(one, msgspec.inspect.EnumType):
+            values += [member.value for member in one.cls]
+        elif isinstance(one, msgspec.inspect.BoolType):
+            values += ["true", "false"]
+        else:
+            return []
+    return [str(value) for value in values]
+
+
+def _options(kind: msgspec.inspect.Type) -> list[msgspec.inspect.Type]:
+    """Return what a value may be: the parts of a union, or the one type."""
+    while isinstance(kind, msgspec.inspect.Metadata):
+        kind = kind.type
+    return (
+        [one for part in kind.types for one in _options(part)]
+        if isinstance(kind, msgspec.inspect.UnionType)
+        else [kind]
+    )
+
+
+def _inside(kind: msgspec.inspect.Type, part: str) -> list[msgspec.inspect.Type]:
+    """Return the type of what `part` of a path leads to: a field, a key or an index."""
+    if isinstance(kind, msgspec.inspect.StructType):
+        return [field.type for field in kind.fields if field.encode_name == part]
+    if isinstance(kind, msgspec.inspect.DictType):
+        return [kind.value_type]
+    if isinstance(kind, msgspec.inspect.TupleType):
+        index = part.strip("[]")
+        return [kind.item_types[int(index)]] if index.isdigit() and int(index) < len(kind.item_types) else []
+    if isinstance(kind, msgspec.inspect.CollectionType):
+        return [kind.item_type]
+    return []
 
 
 def _named(path: str, kind: type[msgspec.Struct], values: Values, text: str) -> str:

@@ -73,9 +73,9 @@ def find(clearance: Clearance, start: Array, goal: Array, room: Room) -> Array:
         raise NoPath(f"start and goal coincide at ({goal[0]:.2f}, {goal[1]:.2f}) m")
     at_goal, at_start = clearance.at(goal[0], goal[1]), clearance.at(start[0], start[1])
     if at_goal < need:
-        raise GoalBlocked(_tight("goal", goal, at_goal, need))
+        raise GoalBlocked(_tight("goal", goal, clearance, need))
     if at_start < need and not (room.escape > 0.0 and at_start > 0.0):
-        raise StartBlocked(_tight("start", start, at_start, need))
+        raise StartBlocked(_tight("start", start, clearance, need))
     values, spacing, (x0, y0) = clearance.values, clearance.spacing, clearance.origin
     nx = (values.shape[1] - 1) // 2
     a, b = (_node(clearance, point) for point in (start, goal))
@@ -125,11 +125,19 @@ def _distinct(path: Array) -> Array:
     return np.ascontiguousarray(path[keep])
 
 
-def _tight(name: str, point: Array, found: float, need: float) -> str:
-    return (
-        f"{name} ({point[0]:.2f}, {point[1]:.2f}) m is {max(found, 0.0):.3f} m from the nearest obstacle; "
-        f"{need:.3f} m are needed for a diameter of {2 * need:.3f} m"
-    )
+def _tight(name: str, point: Array, clearance: Clearance, need: float) -> str:
+    """Say why a body cannot stand at `point`, (2,), m, map frame."""
+    place, found = f"{name} ({point[0]:.2f}, {point[1]:.2f}) m", clearance.at(point[0], point[1])
+    needed = f"{need:.3f} m are needed for a diameter of {2 * need:.3f} m"
+    (x0, y0), (ny, nx) = clearance.origin, clearance.values.shape
+    x1, y1 = x0 + (nx - 1) * clearance.spacing, y0 + (ny - 1) * clearance.spacing
+    if found < 0.0:
+        return (
+            f"{place} is outside of the map, which has x from {x0:.2f} to {x1:.2f} m and y from {y0:.2f} to {y1:.2f} m"
+        )
+    if found == 0.0:
+        return f"{place} is in an obstacle, or where nothing is known; {needed}"
+    return f"{place} is {found:.3f} m from the nearest obstacle; {needed}"
 
 
 def _narrow(clearance: Clearance, start: Array, goal: Array, need: float) -> str:

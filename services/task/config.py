@@ -5,7 +5,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from services.names import CONTROLLERS, STRATEGIES
+from services.names import Controller, Strategy
 
 YAW_PRECISION = (0.05, 3.15)
 """rad, least and largest precision of an orientation: below the first, a tracker's noise of 2 degrees decides"""
@@ -14,8 +14,8 @@ YAW_PRECISION = (0.05, 3.15)
 class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Settings of the task service (Sec. 6.2). What a goal leaves open is taken from here."""
 
-    strategy: Annotated[str, Meta(description="of goals that name none")] = "strict"
-    controller: Annotated[str, Meta(description="of goals that name none")] = "adaptive"
+    strategy: Annotated[Strategy, Meta(description="of goals that name none")] = "strict"
+    controller: Annotated[Controller, Meta(description="of goals that name none")] = "adaptive"
     precision: Annotated[float, Meta(gt=0, le=5, description="m, of goals that state none")] = 0.1
     yaw_precision: Annotated[
         float,
@@ -63,11 +63,3 @@ class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     stall_turn: Annotated[
         float, Meta(gt=0, le=3.15, description="rad towards the wanted orientation that count as progress")
     ] = 0.175
-
-    def __post_init__(self) -> None:
-        for what, name, known in (
-            ("strategy", self.strategy, STRATEGIES),
-            ("controller", self.controller, CONTROLLERS),
-        ):
-            if name not in known:
-                raise ValueError(f"no {what} is called '{name}'; expected one of {', '.join(known)}")

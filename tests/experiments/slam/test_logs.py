@@ -79,13 +79,20 @@ def test_a_laser_that_says_how_it_looks(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("", "0 laser scans"),
+        ("", "a.log: is empty; expected a CARMEN log"),
+        ("x,y,z\n1,2,3\n", "0 laser scans: no line begins with FLASER or ROBOTLASER1; line 1 begins with 'x,y,z'"),
+        ("# nothing\n", "0 laser scans: no line begins with FLASER or ROBOTLASER1$"),
+        ("FLASER 2 1 1\n", "line 1: FLASER cannot be read: 2 beams"),
         ("FLASER 181 1 2 3", "line 1: FLASER cannot be read: 3 numbers; expected 181"),
         ("FLASER x 1 2 3", "line 1: FLASER cannot be read: invalid literal"),
         ("FLASER 7 1 1 1 1 1 1 1 0 0 0 0 0 0", "7 beams; expected one of 180, 181, 360, 361"),
         ("ODOM 1 nan 2", "line 1: ODOM cannot be read: a number is not finite"),
         ("ODOM 1 2", "line 1: ODOM cannot be read: 2 numbers; expected 3"),
-        ("ROBOTLASER1 0 1", "line 1: ROBOTLASER1 cannot be read"),
+        ("ODOM 1 2", "the format is ODOM x y theta"),
+        (
+            "ROBOTLASER1 0 1",
+            "line 1: ROBOTLASER1 cannot be read: it ends too early; the format is ROBOTLASER1 type start",
+        ),
     ],
 )
 def test_what_is_wrong_is_named(text: str, why: str, tmp_path: Path) -> None:

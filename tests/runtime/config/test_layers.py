@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -33,9 +34,22 @@ class Controller(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     inner: Inner = Inner()
 
 
+class Colour(Enum):
+    RED = "red"
+    BLUE = "blue"
+
+
+class Ends(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    left: Literal["open", "shut"] | None = None
+    pair: tuple[Colour, int] = (Colour.RED, 1)
+    many: list[Colour] = []
+    either: Literal["auto"] | float = "auto"
+
+
 class Links(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     latency: dict[str, Gain] = {}
     deep: dict[str, Inner] = {}
+    ends: dict[str, Ends] = {}
 
 
 KINDS: dict[str, type[msgspec.Struct]] = {"controller": Controller, "links": Links}
@@ -62,14 +76,19 @@ WRONG = [
     ("controller.inner.dept", "1.0", "did you mean 'depth'"),
     ("controller.k_gamma", '"fast"', "float"),
     ("controller.k_gamma", "true", "float"),
-    ("controller.enabled", "1", "bool"),
+    ("controller.enabled", "1", r"expected one of true, false \(found 1\)"),
     ("controller.steps", "1.5", "int"),
     ("controller.steps", "0", ">= 1"),
     ("controller.k_gamma", "-0.1", ">= 0"),
     ("controller.k_gamma", "10.5", "<= 10"),
     ("controller.inner.depth", "11", "<= 10"),
     ("controller.inner", "3", "Inner|object"),
-    ("controller.kind", '"centripetal"', "centripetal"),
+    ("controller.kind", '"centripetal"', r"expected one of adaptive, centroid \(found 'centripetal'\)"),
+    ("controller.kind", "3", r"expected one of adaptive, centroid \(found 3\)"),
+    ("links.ends.a.left", '"ajar"', r"expected one of open, shut \(found 'ajar'\)"),
+    ("links.ends.a.pair", '["green", 1]', r"links.ends.a.pair\[0\]: expected one of red, blue \(found 'green'\)"),
+    ("links.ends.a.many", '["red", "green"]', "expected one of red, blue"),
+    ("links.ends.a.either", '"manual"', "manual"),
     ("controller.k_gamma", "nan", "nan"),
     ("controller.k_gamma", "inf", "inf"),
     ("controller.free", "nan", "finite"),
@@ -172,7 +191,7 @@ def test_every_value_has_the_origin_that_gave_it(tmp_path: Path) -> None:
     assert rows["links.latency.odometry"] == (0.5, str(first))
     assert rows["links.latency.map"] == (2.0, "--set")
     assert rows["links.deep"] == ({}, "default")
-    assert len(rows) == 12
+    assert len(rows) == 13
 
 
 def test_layers_are_not_changed_by_merging(tmp_path: Path) -> None:
