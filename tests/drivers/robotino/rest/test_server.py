@@ -147,6 +147,13 @@ def test_curl() -> None:
         assert curl("-H", "Expect: 100-continue", "-X", "PUT", "-d", "[0.2,0,0]", server.url + DRIVE).startswith(" 200")
 
 
+def test_odometry_is_counted_20_times_a_second_whether_it_is_read_or_not() -> None:
+    server, plant = Restapid(), Base().plant
+    for now in (0.01, 0.06, 1.01, 1.02):
+        server.advance(now, plant)
+    assert json.loads(server.handle("GET", "/data/odometry", b"", plant).body)[6] == 20
+
+
 def test_guests_may_not_drive(base: Base, server: RestServer) -> None:
     one = client(server)
     assert json.loads(said(one, "PUT", "/data/login", '{"role": "guest", "password": ""}').body)["success"]  # type: ignore[attr-defined]

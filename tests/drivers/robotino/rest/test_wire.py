@@ -11,6 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
+from drivers.robotino.rest.check import State, read_all
 from drivers.robotino.rest.connecting import BadUrl
 from drivers.robotino.rest.exchange import Connection
 from drivers.robotino.rest.wire import HttpWire
@@ -178,6 +179,27 @@ def test_nobody_listens_and_then_somebody_does() -> None:
                 assert host.answer(host.ask()).body == b"[]"
                 assert len(server.lines) == 1
             assert host.answer(host.ask()).fault == HttpFault.HTTP_REFUSED, "gone, with the connection"
+
+
+def test_a_connection_that_nobody_takes_is_given_up_in_time() -> None:
+    """A full backlog, to whose SYN nobody answers: as a base that is switched off."""
+    with socket.socket() as full:
+        full.bind(("127.0.0.1", 0))
+        full.listen(0)
+        fillers = [socket.socket() for _ in range(3)]
+        for one in fillers:
+            one.setblocking(False)
+            one.connect_ex(full.getsockname())
+        with Host(f"http://127.0.0.1:{full.getsockname()[1]}") as host:
+            begun = time.monotonic()
+            answer = host.answer(host.ask(timeout=SHORT))
+            assert (answer.fault, answer.reason) == (HttpFault.HTTP_TIMEOUT, "no connection in time")
+            assert time.monotonic() - begun < FAR
+            begun = time.monotonic()
+            rows = read_all(f"http://127.0.0.1:{full.getsockname()[1]}", SHORT)
+            assert {one.state for one in rows} == {State.MISSING} and time.monotonic() - begun < FAR
+        for one in fillers:
+            one.close()
 
 
 def test_a_connection_that_the_server_closed_while_idle_is_no_fault() -> None:
