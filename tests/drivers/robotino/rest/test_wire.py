@@ -452,7 +452,8 @@ def test_a_name_that_nobody_finds_is_given_up_in_time(monkeypatch: pytest.Monkey
         looks.append(1)
         if len(looks) == 1:
             raise socket.gaierror("not there")
-        return true("127.0.0.1", *args[1:], **more)  # type: ignore[arg-type]
+        found = true("127.0.0.1", *args[1:], **more)  # type: ignore[arg-type]
+        return [(socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("::1", 1, 0, 0)), *found]
 
     with Stranger(well) as server, Host(f"http://robotino.invalid:{server.port}") as host:
         monkeypatch.setattr(socket, "getaddrinfo", slow)
@@ -461,7 +462,11 @@ def test_a_name_that_nobody_finds_is_given_up_in_time(monkeypatch: pytest.Monkey
         go.set()
         answer = host.answer(host.ask())
         assert answer.fault == HttpFault.HTTP_REFUSED and "not there" in answer.reason
+        tried = []
+        connect = socket.socket.connect
+        monkeypatch.setattr(socket.socket, "connect", lambda self, to: (tried.append(self.family), connect(self, to)))
         assert host.answer(host.ask()).fault == HttpFault.HTTP_OK
+        assert tried == [socket.AF_INET], "not the other kind first"
 
 
 @pytest.mark.parametrize(
