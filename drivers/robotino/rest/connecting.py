@@ -60,6 +60,8 @@ class Search(threading.Thread):
         """Look up."""
         try:
             found = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
+            # IPv4 first: bases have it, and an address of the other kind that nobody answers would use up the time.
+            found.sort(key=lambda one: one[0] != socket.AF_INET)
             self.found = [(one[0], one[4]) for one in found]
         except (OSError, UnicodeError) as error:
             self.reason = str(error)

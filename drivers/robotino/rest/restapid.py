@@ -102,9 +102,9 @@ class Restapid:
         a, b, c = (min(max(one, -most), most) for one in motors)
         plant.drive(ROBOTINO_3_4.twist((a, b, c)))
         if (count := int(now / _PUBLISH + _ROUNDING)) > self.publications:
+            self.sequence += count - self.publications
             self.publications = count
             self.published = (*plant.pose, *plant.twist)
-            self.sequence += 1
 
     def restart(self) -> None:
         """Begin as after a restart of controld3: counters at zero, standing still."""

@@ -9,6 +9,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterator
+from errno import ECONNRESET
 from http.client import BadStatusLine, HTTPConnection, HTTPException, HTTPResponse, IncompleteRead
 from urllib.error import HTTPError
 from urllib.request import ProxyHandler, Request, build_opener
@@ -146,6 +147,13 @@ def test_curl() -> None:
         assert curl("-H", "Expect: 100-continue", "-X", "PUT", "-d", "[0.2,0,0]", server.url + DRIVE).startswith(" 200")
 
 
+def test_odometry_is_counted_20_times_a_second_whether_it_is_read_or_not() -> None:
+    server, plant = Restapid(), Base().plant
+    for now in (0.01, 0.06, 1.01, 1.02):
+        server.advance(now, plant)
+    assert json.loads(server.handle("GET", "/data/odometry", b"", plant).body)[6] == 20
+
+
 def test_guests_may_not_drive(base: Base, server: RestServer) -> None:
     one = client(server)
     assert json.loads(said(one, "PUT", "/data/login", '{"role": "guest", "password": ""}').body)["success"]  # type: ignore[attr-defined]
@@ -245,6 +253,8 @@ def test_faults_are_switched_on_and_off(server: RestServer, fault: Fault, error:
         with pytest.raises((error, HTTPException) if error is not TimeoutError else error) as found:
             said(one, "GET", "/data/bumper")
         assert isinstance(found.value, error)
+        # http.client calls a mere end a reset too, but of its own making.
+        assert fault != Fault.RESET or found.value.errno == ECONNRESET  # type: ignore[attr-defined]
         one.close()
     server.heal()
     assert said(client(server), "GET", "/data/bumper").status == 200

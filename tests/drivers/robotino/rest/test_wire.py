@@ -11,6 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
+from drivers.robotino.rest.check import State, read_all
 from drivers.robotino.rest.connecting import BadUrl
 from drivers.robotino.rest.exchange import Connection
 from drivers.robotino.rest.wire import HttpWire
@@ -180,6 +181,27 @@ def test_nobody_listens_and_then_somebody_does() -> None:
             assert host.answer(host.ask()).fault == HttpFault.HTTP_REFUSED, "gone, with the connection"
 
 
+def test_a_connection_that_nobody_takes_is_given_up_in_time() -> None:
+    """A full backlog, to whose SYN nobody answers: as a base that is switched off."""
+    with socket.socket() as full:
+        full.bind(("127.0.0.1", 0))
+        full.listen(0)
+        fillers = [socket.socket() for _ in range(3)]
+        for one in fillers:
+            one.setblocking(False)
+            one.connect_ex(full.getsockname())
+        with Host(f"http://127.0.0.1:{full.getsockname()[1]}") as host:
+            begun = time.monotonic()
+            answer = host.answer(host.ask(timeout=SHORT))
+            assert (answer.fault, answer.reason) == (HttpFault.HTTP_TIMEOUT, "no connection in time")
+            assert time.monotonic() - begun < FAR
+            begun = time.monotonic()
+            rows = read_all(f"http://127.0.0.1:{full.getsockname()[1]}", SHORT)
+            assert {one.state for one in rows} == {State.MISSING} and time.monotonic() - begun < FAR
+        for one in fillers:
+            one.close()
+
+
 def test_a_connection_that_the_server_closed_while_idle_is_no_fault() -> None:
     def serve(line: socket.socket, _: int) -> None:
         heard(line)
@@ -343,30 +365,50 @@ def test_the_last_word_goes_out_though_the_one_before_it_hangs_and_so_do_the_sen
         time.sleep(0.01)
 
 
-def test_nothing_is_carried_or_brought_once_it_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A look-up of a name cannot be cut short, so its lane outlives the wire; who hears of an end may ask again."""
-    with Stranger(lambda line, _: hang(line)) as server:
-        host = Host(server.url)
-        monkeypatch.setattr(socket, "getaddrinfo", lambda *args, **more: time.sleep(0.8) or [])
-        host.ask(timeout=0.6)
-        host.wire.close()
-        time.sleep(0.7)
-        assert host.more() == 0
-        monkeypatch.undo()
+def test_nothing_is_brought_once_it_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A look-up of a name cannot be cut short, so its lane outlives the wire."""
+    begun, go = threading.Event(), threading.Event()
 
-        paths: list[str] = []
-        monkeypatch.setattr(server, "serve", lambda line, _: (paths.append(heard(line)[0].split()[1]), hang(line)))
+    def slow(*_: object, **__: object) -> list[object]:
+        begun.set()
+        go.wait(LONG)
+        return []
+
+    monkeypatch.setattr(socket, "getaddrinfo", slow)
+    host = Host("http://robotino.invalid")
+    host.ask(timeout=0.6)
+    assert begun.wait(LONG)
+    host.wire.close()
+    count = host.more()
+    limit = time.monotonic() + LONG
+    while any(one.name == "http odometry" for one in threading.enumerate()):
+        assert time.monotonic() < limit
+        time.sleep(0.01)
+    go.set()
+    assert host.more() == count
+
+
+def test_nothing_is_carried_while_it_is_closed() -> None:
+    """Who hears that its request was cut may ask again, at once."""
+    paths: list[str] = []
+
+    def serve(line: socket.socket, _: int) -> None:
+        if found := heard(line):
+            paths.append(found[0].split()[1])
+            hang(line)
+
+    with Stranger(serve) as server:
         wire = HttpWire(server.url)
         again = HttpRequest(id=2, lane="again", method="GET", path="/again", timeout=10**9)
         wire.open(lambda _: wire.carry(again), int)
-        wire.carry(HttpRequest(id=1, lane="x", method="GET", path="/x", timeout=10**10))
+        for lane in ("drive", "x"):
+            wire.carry(HttpRequest(id=1, lane=lane, method="GET", path=f"/{lane}", timeout=10**10))
         limit = time.monotonic() + LONG
-        while not paths:
+        while len(paths) < 2:
             assert time.monotonic() < limit
             time.sleep(0.01)
         wire.close()
-        time.sleep(0.2)
-        assert paths == ["/x"]
+        assert sorted(paths) == ["/drive", "/x"]
 
 
 def test_a_lane_outlives_what_nobody_thought_of(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -410,7 +452,8 @@ def test_a_name_that_nobody_finds_is_given_up_in_time(monkeypatch: pytest.Monkey
         looks.append(1)
         if len(looks) == 1:
             raise socket.gaierror("not there")
-        return true("127.0.0.1", *args[1:], **more)  # type: ignore[arg-type]
+        found = true("127.0.0.1", *args[1:], **more)  # type: ignore[arg-type]
+        return [(socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("::1", 1, 0, 0)), *found]
 
     with Stranger(well) as server, Host(f"http://robotino.invalid:{server.port}") as host:
         monkeypatch.setattr(socket, "getaddrinfo", slow)
@@ -419,7 +462,11 @@ def test_a_name_that_nobody_finds_is_given_up_in_time(monkeypatch: pytest.Monkey
         go.set()
         answer = host.answer(host.ask())
         assert answer.fault == HttpFault.HTTP_REFUSED and "not there" in answer.reason
+        tried = []
+        connect = socket.socket.connect
+        monkeypatch.setattr(socket.socket, "connect", lambda self, to: (tried.append(self.family), connect(self, to)))
         assert host.answer(host.ask()).fault == HttpFault.HTTP_OK
+        assert tried == [socket.AF_INET], "not the other kind first"
 
 
 @pytest.mark.parametrize(
