@@ -35,7 +35,7 @@ _START_AGAIN = 2 * SECOND
 """ns without an answer after which the board is taken to be another one"""
 _GAP = SECOND // 10
 _LATE = SECOND // 10
-"""ns that an answer may be heard later than the one before it: several may come at once"""
+"""ns that an answer may be older than the last question: it may be one to a question before"""
 _SLACK_TICKS = 200
 _REFUSED = 10
 """implausible readings in a row after which the encoders are taken to have begun anew"""
@@ -50,7 +50,9 @@ class SerialState(BaseState):
     Attributes:
         decoder: of what comes in. started: the board has said its versions. asked: ns, when it was asked for them.
         hardware, software: what it said.
-        heard: ns, of the last good frame; read: ns, of the last believed readings; None before.
+        heard: ns, of the last good frame; polled: ns, of the last question; None before.
+        read: ns, of the question before the last believed readings: they are no older than it, however late they
+            are heard; None before.
         silent: no answer comes. open: the line is there, as far as the wire says.
         ticks: the encoders at the last believed readings; unbelieved: readings in a row that were not.
         told: m/s and rad/s, what the board was told last.
@@ -64,6 +66,7 @@ class SerialState(BaseState):
     hardware: str = ""
     software: str = ""
     heard: Time | None = None
+    polled: Time | None = None
     read: Time | None = None
     silent: bool = True
     open: bool = True
@@ -101,6 +104,7 @@ class RobotinoSerial(RobotinoDriver):
         """Tell the speeds, and ask for readings; or for the versions of a board that has not said them."""
         state = self.state
         state.polls += 1
+        state.polled = now
         since = None if state.heard is None else now - state.heard
         if not state.silent and (since is None or since > _SILENT):
             state.silent = True
@@ -197,7 +201,7 @@ class RobotinoSerial(RobotinoDriver):
                 turn = wrap(gyro.angle - state.gyro) if state.gyro is not None else way[2]
                 way = (way[0], way[1], turn)
             state.reckoning.go(way)
-        state.ticks, state.read, state.unbelieved = ticks, now, 0
+        state.ticks, state.read, state.unbelieved = ticks, state.polled, 0
         state.gyro = None if gyro is None else gyro.angle
         state.readings += 1
         if state.readings % _ODOMETRY_EVERY == 1:
@@ -212,7 +216,7 @@ class RobotinoSerial(RobotinoDriver):
         yield from self._fault("encoders", f"{gone} ticks since the last reading", now)
         if from_zero or state.unbelieved >= _REFUSED:
             # The board has begun anew; it has forgotten its settings too. What was driven meanwhile is lost.
-            state.ticks, state.read, state.unbelieved = ticks, now, 0
+            state.ticks, state.read, state.unbelieved = ticks, state.polled, 0
             state.started, state.asked = False, None
             yield self.say("the board has begun anew", now, "WARNING")
 
