@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from google.protobuf.text_format import MessageToString
@@ -182,7 +183,7 @@ class Execution:
                 return
         result.beyond += 1
         worst = max(errors, key=lambda name: errors[name], default="")
-        text = f"'{entry.name}' {entry.sequence} differs" + (f", {worst} by {errors[worst]:.3g}" if worst else "")
+        text = f"'{entry.name}' {entry.sequence} differs" + _by(worst, errors.get(worst, 0.0))
         self._diverge(result, event, text, sample, entry)
 
     def _diverge(
@@ -225,3 +226,10 @@ class Execution:
     def _find(self, entry: Entry, text: str, topic: str = "", sequence: int = 0) -> None:
         topic, sequence = (topic, sequence) if topic else (entry.name, entry.sequence)
         self.result.findings.append(Finding(self.name, entry.number, entry.time, text, topic, sequence))
+
+
+def _by(name: str, error: float) -> str:
+    """Say which field differs most, and by how much where it is a number."""
+    if not name:
+        return ""
+    return f", in {name}" if math.isinf(error) else f", {name} by {error:.3g}"

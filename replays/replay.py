@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from replays import chain, coverage
 from replays.execution import Execution
 from replays.recording import Recording, Unusable
-from replays.result import Comparison, NodeResult, Report, TopicResult
+from replays.result import ChangedSetting, Comparison, NodeResult, Report, TopicResult
 from runtime import registry
 from runtime.config.layers import Layer, effective
 from runtime.guard import Guard
@@ -56,7 +56,8 @@ def replay(
                 f"--set {section}: no section '{section}' is replayed; what can be set is that of {', '.join(replayed)}"
             )
     keys = [f"{section}.{key}" for section, values in (changes or {}).items() for key in values]
-    report = Report(recording, comparison, reasons, keys)
+    settings = list(_changed(recording.config["sections"], changes or {}))
+    report = Report(recording, comparison, reasons, keys, changes=settings)
     available = recording.header.nodes
     for name in names or available:
         if name not in available:
@@ -72,6 +73,16 @@ def replay(
             coverage.check(recording, name, services(name).contract, lives, result)
             report.nodes.append(result)
     return report
+
+
+def _changed(recorded: Any, changes: dict[str, Any], prefix: str = "") -> Iterator[ChangedSetting]:
+    """Give every value of `changes` with the one it takes the place of; None where nothing was recorded."""
+    for key, change in changes.items():
+        before = recorded.get(key) if isinstance(recorded, dict) else None
+        if isinstance(change, dict) and isinstance(before, dict):
+            yield from _changed(before, change, f"{prefix}{key}.")
+        else:
+            yield ChangedSetting(f"{prefix}{key}", before, change)
 
 
 def _lives(recording: Recording, name: str, start: Time) -> list[list[Entry]]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from replays import whatif
 from replays.result import Comparison, Finding, NodeResult, Report, TopicResult
 from runtime.time import seconds
 
@@ -16,14 +17,17 @@ _LONGEST_TEXT = 240
 def text(report: Report) -> Iterator[str]:
     """Return the report line by line."""
     recording = report.recording
+    if report.changes:
+        yield whatif.summary(report)
     yield f"{recording.path}: run {recording.header.run[:8]}, {recording.header.mode}, seed {recording.header.seed}"
     if recording.damage:
         yield f"  FILE {recording.damage}"
     yield from _comparison_lines(report)
-    if report.changed:
-        yield f"  changed for this replay: {', '.join(report.changed)}"
-    for node in report.nodes:
-        yield from _node_lines(node)
+    if report.changes:
+        yield from whatif.text(report)
+    else:
+        for node in report.nodes:
+            yield from _node_lines(node)
     yield verdict(report)
 
 
@@ -54,6 +58,7 @@ def as_json(report: Report) -> dict[str, Any]:
         "comparison": report.comparison.value,
         "platform_differences": report.reasons,
         "changed": report.changed,
+        "changes": [{"key": one.key, "recorded": one.recorded, "replayed": one.replayed} for one in report.changes],
         "identical": report.identical and not report.recording.corrupt,
         "services": [_node_json(node) for node in report.nodes],
     }

@@ -104,6 +104,20 @@ class NodeResult:
         return not self.findings
 
 
+@dataclass(frozen=True)
+class ChangedSetting:
+    """A setting that the replay has other than the recording.
+
+    Attributes:
+        key: dotted.
+        recorded, replayed: the values, as JSON or TOML have them.
+    """
+
+    key: str
+    recorded: object
+    replayed: object
+
+
 @dataclass
 class Report:
     """The replay of a session."""
@@ -113,6 +127,7 @@ class Report:
     reasons: list[str]  # why bytes are not compared
     changed: list[str]  # configuration keys changed for this replay
     nodes: list[NodeResult] = field(default_factory=list)
+    changes: list[ChangedSetting] = field(default_factory=list)  # the same, every value with the recorded one
 
     @property
     def identical(self) -> bool:
