@@ -21,8 +21,8 @@ from drivers.robotino.serial.tags import BadTag, MotorReadings, Power, Tag
 
 TICK = 0.1
 """s, of the main loop"""
-_QUIET_TICKS = 3
-"""ticks without a frame after which the next stops the motors: 0.4 to 0.5 s after the last one"""
+_QUIET_TICKS = 4
+"""ticks without a frame after which the next stops the motors, 0.4 to 0.5 s after the last one"""
 _RELEASE = 2.0
 """s that the motors stay off after the bumper is released, with the emergency bumper on"""
 _ACCELERATION = 12000.0
