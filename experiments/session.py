@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from runtime.lockstep.run import Spread
 
 _SENSED = {
-    "corridor": {"unknown": "free", "apart": True, "spare": 0.1, "steady": True, "threshold": 0.1},
+    "corridor": {"unknown": "free", "apart": True, "spare": 0.1, "steady": True, "threshold": 0.1, "object_speed": 0.4},
     "task": {"shared": True},
 }
 """Settings where all is seen from the robot: maps grow, are off by centimetres, and leave out object and robot."""

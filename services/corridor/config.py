@@ -13,6 +13,10 @@ class CorridorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     object_margin: Annotated[
         float, Meta(ge=0, le=1, description="m around the object within which hits are taken for the object")
     ] = 0.10
+    object_speed: Annotated[
+        float,
+        Meta(ge=0, le=5, description="m/s that it may have been pushed on since it was seen, and that more margin"),
+    ] = 0.0
     scan_maximum: Annotated[float, Meta(gt=0, le=200, description="m, laser readings from here on met nothing")] = 10.0
     path_weight: Annotated[
         float,

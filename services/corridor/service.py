@@ -141,7 +141,9 @@ class CorridorService(Service):
         d_r, d_o = corridor.robot_diameter, corridor.object_diameter
         if self.object.visibility == Visibility.LOST:
             o = np.full(2, np.inf)  # nobody knows where it is: what stands there is an obstacle
-        sensed = external(sensed, r, o, d_r, d_o, self.config.object_margin)
+        # It may have been pushed on since it was seen.
+        late = max(robot.stamp - self.object.stamp, 0) / SECOND * self.config.object_speed
+        sensed = external(sensed, r, o, d_r, d_o, self.config.object_margin + late)
         found = disagrees(self._geometry.field, d_r, r, sensed, self.config.threshold)
         if found.nearer or (found.farther and self._change(self.map) > self.config.map_gain):
             yield self.say(f"sensed and corridor disagree by {found.difference:+.2f} m: planning anew", now)

@@ -8,10 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.time import Time, nanoseconds
+from runtime.time import SECOND, Time, nanoseconds
 from services.geometry.angles import wrap
 
 Array = NDArray[np.float64]
+
+_JUMP, _FASTEST = 0.3, 3.0
+"""m and m/s that odometry may go on from one to the next"""
 
 
 def compose(pose: Array, step: Array) -> Array:
@@ -49,6 +52,13 @@ class History:
         while self.stamps[0] < stamp - nanoseconds(memory):
             del self.stamps[0], self.poses[0]
         return True
+
+    def leaps(self, stamp: Time, pose: Array) -> bool:
+        """Return whether no base can have come from the last pose to this one, (3,): the odometry has begun anew."""
+        if not self.stamps:
+            return False
+        step, seconds = between(self.poses[-1], pose), max(stamp - self.stamps[-1], 0) / SECOND
+        return math.hypot(step[0], step[1]) > _JUMP + _FASTEST * seconds
 
     def at(self, stamp: Time) -> Array:
         """Return the pose, (3,), at `stamp`: between two that are known, or the nearest one. There has to be one."""

@@ -94,4 +94,8 @@ class MappingConfig(FilterConfig, frozen=True, kw_only=True, forbid_unknown_fiel
     object_margin: Annotated[
         float, Meta(ge=0, le=1, description="m around the pushed object in which nothing is taken for the room")
     ] = 0.10
+    object_speed: Annotated[
+        float,
+        Meta(ge=0, le=5, description="m/s that it may have been pushed on since it was seen, and that more margin"),
+    ] = 0.4
     wait: Annotated[float, Meta(ge=0, le=60, description="s to wait for the object at first, not to map it")] = 3.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -39,6 +40,12 @@ def off_cells(corner: Array) -> Array:
     return np.asarray(corner - np.rint(corner / RESOLUTION) * RESOLUTION)
 
 
+def hollow(shown: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the map, (H, W), with what is occupied unknown where no free cell is beside it."""
+    near_free = cv2.dilate((shown == 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return np.where((shown == 100) & ~near_free, np.uint8(255), shown)
+
+
 @dataclass
 class Maps:
     """The maps of P particles.
@@ -61,13 +68,16 @@ class Maps:
         return cls(index=np.full((particles, _GROWTH, _GROWTH), -1, np.int32))
 
     @classmethod
-    def known(cls, shown: NDArray[np.uint8], corner: Array, particles: int) -> Maps:
+    def known(cls, shown: NDArray[np.uint8], corner: Array, particles: int, surfaces: bool = False) -> Maps:
         """Return one map for all particles, which they share.
 
         Args:
             shown: (H, W), row y first, 0 free, 100 occupied, 255 unknown; corner: (2,), m, whole cells from the origin.
+            surfaces: keep of what is occupied only what a beam can meet, as if it had been drawn by beams. Scans settle
+                on lines of cells; on a thick wall they find none, and lie anywhere within it.
         """
         maps = cls.of(particles)
+        shown = hollow(shown) if surfaces else shown
         low = np.floor(corner / RESOLUTION + 0.5).astype(int)
         first = np.floor_divide(low, SIDE)
         skip = low - first * SIDE

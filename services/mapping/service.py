@@ -32,8 +32,6 @@ _CARRIED = 0.3
 """m from where the object was seen last at which it was carried, not pushed"""
 _RIM = 0.04
 """m around the object within which what was drawn is taken for it"""
-_JUMP, _FASTEST = 0.3, 3.0
-"""m and m/s that odometry may go on from one to the next"""
 
 
 @dataclass
@@ -96,7 +94,7 @@ class MappingService(Service):
         self.state = MappingState(Particles.at(np.array(config.start) - self._shift, config.particles, config.seed))
         if config.known is not None:
             cells, corner = config.known.grid(), corner - self._shift[:2]
-            self.state.particles.maps = Maps.known(cells, corner, config.particles)
+            self.state.particles.maps = Maps.known(cells, corner, config.particles, surfaces=True)
             self.state.shown = Maps.known(cells, corner, 1)
 
     def freeze(self) -> None:
@@ -129,7 +127,7 @@ class MappingService(Service):
         pose = np.array((odometry.pose.x, odometry.pose.y, odometry.pose.theta))
         if not state.odometry.stamps:
             state.at_match = pose
-        if state.odometry.stamps and self._began_anew(odometry.stamp, pose):
+        if state.odometry.leaps(odometry.stamp, pose):
             self._go_on_from(pose)
             yield self.say("the odometry has begun anew: going on from where the robot was", now, "WARNING")
         if not state.odometry.add(odometry.stamp, pose, _REMEMBERED):
@@ -138,12 +136,6 @@ class MappingService(Service):
             yield from self._look(now)
         if state.matched is not None or not self.config.search:
             yield self._where(pose, odometry)
-
-    def _began_anew(self, stamp: Time, pose: Array) -> bool:
-        """Return whether no base can have come from the last odometry to this one."""
-        last = self.state.odometry
-        step, seconds = between(last.poses[-1], pose), max(stamp - last.stamps[-1], 0) / SECOND
-        return math.hypot(step[0], step[1]) > _JUMP + _FASTEST * seconds
 
     def _go_on_from(self, pose: Array) -> None:
         """Take it that the robot has stayed where it was, and that this is now `pose`, (3,), odom frame."""
@@ -217,7 +209,9 @@ class MappingService(Service):
             dx, dy = (thing.position.x, thing.position.y) - self._shift[:2] - pose[:2]
             c, s = math.cos(pose[2]), math.sin(pose[2])
             off = ends - (c * dx + s * dy, -s * dx + c * dy)
-            foreign &= np.hypot(*off.T) > 0.5 * thing.diameter + self.config.object_margin
+            # It may have been pushed on since it was seen.
+            late = max(_stamp(message) - thing.stamp, 0) / SECOND * self.config.object_speed
+            foreign &= np.hypot(*off.T) > 0.5 * thing.diameter + self.config.object_margin + late
         config = self.config
         return Scan.of(ranges[foreign], angles[foreign], mount, config.furthest, config.nothing)
 

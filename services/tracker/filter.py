@@ -37,8 +37,8 @@ class Reading:
     """Where an object was seen.
 
     Attributes:
-        place: (2,), m, map frame: o. covariance: (2, 2), m^2, map frame.
-        yaw: rad, map frame; None where it was not seen. yaw_variance: rad^2.
+        place: (2,), m, a frame that stands still: o. covariance: (2, 2), m^2, the same.
+        yaw: rad, the same; None where it was not seen. yaw_variance: rad^2.
         diameter: m, d_o; 0 where it was not seen.
     """
 
@@ -55,7 +55,7 @@ class Track:
 
     Attributes:
         stamp: ns, of everything else.
-        mean: (4,), x, y, m, vx, vy, m/s, map frame; covariance: (4, 4).
+        mean: (4,), x, y, m, vx, vy, m/s, a frame that stands still; covariance: (4, 4).
         yaw: (2,), rad and rad/s; yaw_covariance: (2, 2); oriented: whether it was ever seen.
         diameter: m. readings: how many there were of it.
         seen: ns, when it was seen last. strange: readings in a row that were beyond the gate,
@@ -91,6 +91,18 @@ class Track:
         track._note(reading, stamp, config)
         return track
 
+    def carry(self, before: Array, after: Array) -> None:
+        """Move everything with the robot, whose pose, (3,), is `after` by now and was `before`: it stays beside it."""
+        turn = float(after[2] - before[2])
+        c, s = math.cos(turn), math.sin(turn)
+        turned = np.array([[c, -s], [s, c]])
+        whole = np.kron(np.eye(2), turned)
+        self.mean = np.concatenate([after[:2] + turned @ (self.mean[:2] - before[:2]), turned @ self.mean[2:]])
+        self.covariance = whole @ self.covariance @ whole.T
+        self.yaw[0] = wrap(float(self.yaw[0]) + turn)
+        self.robot = after[:2]
+        self.strange = 0
+
     def visibility(self, now: Time, config: FilterConfig) -> Visibility:
         """Return whether the object is seen, only predicted, or lost, at `now`, ns."""
         age = (now - self.seen) / SECOND
@@ -102,7 +114,7 @@ class Track:
         """Go on to `stamp`.
 
         Args:
-            robot: (2,), m, map frame, where the base is then.
+            robot: (2,), m, the same frame, where the base is then.
             robot_diameter: d_r, m.
         """
         dt = (stamp - self.stamp) / SECOND

@@ -16,13 +16,14 @@ from runtime.messages import (
     CompressedImage,
     FrameTransform,
     ObjectState,
+    Odometry,
     RobotPose,
     Vector2,
 )
 from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
 from runtime.time import SECOND, Time, nanoseconds
 from services.geometry.angles import wrap
-from services.geometry.pose import History
+from services.geometry.pose import History, between, compose
 from services.tracker.camera import BadCalibration, Camera, Mount
 from services.tracker.config import TrackerConfig
 from services.tracker.filter import Reading, Track
@@ -47,14 +48,16 @@ class TrackerState:
     """What the tracker goes on from.
 
     Attributes:
-        robots: where the robot was lately, map frame.
-        track: of the object; None before it was seen.
+        robots: where the robot was lately, odometry's frame.
+        origin: (3,), x, y, theta, of that frame in the map's, as mapping says now.
+        track: of the object, odometry's frame; None before it was seen.
         looked: ns, when a picture came last; stamp: of which time it was; 0 before.
         memory: what is learned for finding it.
         unreadable: pictures that were none.
     """
 
     robots: History = field(default_factory=History)
+    origin: Array | None = None
     track: Track | None = None
     looked: Time = 0
     stamp: Time = 0
@@ -63,7 +66,11 @@ class TrackerState:
 
 
 class TrackerService(Service):
-    """Publishes the object's state with every picture, and while none comes what it must be by now."""
+    """Publishes the object's state with every picture, and while none comes what it must be by now.
+
+    The object is followed in the frame of the odometry, which never jumps. On the map it would seem to move whenever
+    mapping finds that the robot is elsewhere.
+    """
 
     name = "tracker"
     Config = TrackerConfig
@@ -72,6 +79,7 @@ class TrackerService(Service):
     depth = Input(topics.DEPTH)
     calibration = Input(topics.CALIBRATION)
     mount = Input(topics.CAMERA_MOUNT)
+    odometry = Input(topics.ODOMETRY)
     robot = Input(topics.ROBOT_POSE)
     status = Input(topics.STATUS)
     scan = Input(topics.SCAN)
@@ -114,10 +122,25 @@ class TrackerService(Service):
             self._mount = None
             yield self.say(f"mount refused: {error}", now, "ERROR")
 
+    @on(odometry)
+    def moved(self, odometry: Odometry, now: Time) -> Effects:
+        """Note where the robot is: what is seen is seen from there."""
+        state = self.state
+        pose = np.array((odometry.pose.x, odometry.pose.y, odometry.pose.theta))
+        if state.robots.leaps(odometry.stamp, pose):
+            if state.track is not None:
+                state.track.carry(state.robots.poses[-1], pose)
+            state.robots, state.origin = History(), None
+            yield self.say("the odometry has begun anew: the object is taken to be where it was", now, "WARNING")
+        state.robots.add(odometry.stamp, pose, _REMEMBERED)
+
     @on(robot)
     def localised(self, robot: RobotPose, now: Time) -> None:
-        """Note where the robot is: what is seen is seen from there."""
-        self.state.robots.add(robot.stamp, np.array((robot.pose.x, robot.pose.y, robot.pose.theta)), _REMEMBERED)
+        """Note where the odometry's frame is on the map."""
+        if self.state.robots.stamps:
+            there = self.state.robots.at(robot.stamp)
+            back = between(there, np.zeros(3))
+            self.state.origin = compose(np.array((robot.pose.x, robot.pose.y, robot.pose.theta)), back)
 
     @on(image)
     def see(self, image: CompressedImage, now: Time) -> Effects:
@@ -136,6 +159,8 @@ class TrackerService(Service):
         """Say where the object must be while no picture comes."""
         state = self.state
         if state.track is None or now - state.looked <= nanoseconds(_SILENT) or not state.robots.stamps:
+            return
+        if state.origin is None:
             return
         # A copy: pictures that are on their way may be older than now.
         track = replace(state.track)
@@ -168,7 +193,7 @@ class TrackerService(Service):
         if seen is not None:
             self._take(seen, pose, stamp)
         yield self.annotations(lines([] if seen is None else seen.outlines, image.timestamp))
-        if state.track is not None:
+        if state.track is not None and state.origin is not None:
             yield self._say(state.track, stamp)
 
     def _take(self, seen: Sighting, pose: Array, stamp: Time) -> None:
@@ -209,23 +234,29 @@ class TrackerService(Service):
         )
 
     def _say(self, track: Track, stamp: Time) -> Publication:
-        covariance = track.covariance[:2, :2]
+        """Say where the object is on the map. Where the odometry's frame is there has to be known."""
+        origin = self.state.origin
+        assert origin is not None
+        c, s = math.cos(origin[2]), math.sin(origin[2])
+        turned = np.array([[c, -s], [s, c]])
+        place = origin[:2] + turned @ track.mean[:2]
+        covariance = turned @ track.covariance[:2, :2] @ turned.T
         yaw_variance = float(track.yaw_covariance[0, 0])
         if self.robot is not None and len(self.robot.covariance) == 9:
             # Seen from where the robot is taken to be: its error is the object's as well.
-            off = track.mean[:2] - self.state.robots.at(stamp)[:2]
+            off = turned @ (track.mean[:2] - self.state.robots.at(stamp)[:2])
             lever = np.array([[1.0, 0.0, -off[1]], [0.0, 1.0, off[0]]])
             pose = np.array(self.robot.covariance).reshape(3, 3)
             covariance, yaw_variance = covariance + lever @ pose @ lever.T, yaw_variance + float(pose[2, 2])
         said = ObjectState(
             stamp=stamp,
-            position=Vector2(x=track.mean[0], y=track.mean[1]),
+            position=Vector2(x=place[0], y=place[1]),
             diameter=track.diameter,
             covariance=covariance.ravel().tolist(),
             visibility=track.visibility(stamp, self.config),
         )
         if track.oriented:
-            said.yaw, said.yaw_variance = float(track.yaw[0]), yaw_variance
+            said.yaw, said.yaw_variance = wrap(float(track.yaw[0] + origin[2])), yaw_variance
         return self.object(said)
 
     def _free(self) -> Array:

@@ -19,6 +19,7 @@ from runtime.messages import (
     LaserScan,
     Log,
     ObjectState,
+    Odometry,
     Pose2,
     RobotPose,
     RobotStatus,
@@ -26,6 +27,7 @@ from runtime.messages import (
 )
 from runtime.service import Publication
 from runtime.time import SECOND, Time
+from services.geometry.pose import between
 from services.tracker.config import TrackerConfig
 from services.tracker.service import TrackerService
 from tests.services.tracker.pictures import picture as marker
@@ -46,6 +48,8 @@ class Fed:
     states: list[ObjectState] = field(default_factory=list)
     outlines: list[ImageAnnotations] = field(default_factory=list)
     said: list[str] = field(default_factory=list)
+    origin: np.ndarray = field(default_factory=lambda: np.array((0.3, -0.2, 0.4)))
+    off: tuple[float, float] = (0.0, 0.0)
 
     def take(self, effects: object) -> None:
         """Keep what was published."""
@@ -66,10 +70,17 @@ class Fed:
             self.take(getattr(self.service, handler)(message, self.now))
 
     def look(self, image: np.ndarray | None, things: list[Thing], robot: tuple[float, float, float] = ROBOT) -> None:
-        """Let 0.1 s pass, then come pose, scan and picture of now; None: no picture."""
+        """Let 0.1 s pass, then come pose, scan and picture of now; None: no picture.
+
+        The odometry's frame has its origin elsewhere on the map, and mapping is off by `off`.
+        """
         self.now += STEP
         x, y, theta = robot
+        driven = between(self.origin, np.array(robot))
+        x, y = x + self.off[0], y + self.off[1]
         covariance = [1e-4, 0, 0, 0, 1e-4, 0, 0, 0, 1e-4]
+        odometry = Pose2(x=driven[0], y=driven[1], theta=driven[2])
+        self.give("odometry", Odometry(stamp=self.now, pose=odometry))
         self.give("robot/pose", RobotPose(stamp=self.now, pose=Pose2(x=x, y=y, theta=theta), covariance=covariance))
         self.give("scan", scan(things, self.now))
         if image is not None:
@@ -277,6 +288,42 @@ def test_a_restored_tracker_goes_on_alike_to_the_byte(finds: str) -> None:
     ]
     assert len(second.states) == 4
     assert first.service.snapshot() == second.service.snapshot()
+
+
+def beside_the_robot(found: Fed) -> np.ndarray:
+    """Return where the newest state has the object, m, base frame of where mapping has the robot."""
+    state = found.states[-1]
+    robot = np.array((ROBOT[0] + found.off[0], ROBOT[1] + found.off[1], ROBOT[2]))
+    return between(robot, np.array((state.position.x, state.position.y, 0.0)))[:2]
+
+
+def test_where_mapping_changes_its_mind_the_object_goes_along_and_does_not_seem_to_move() -> None:
+    found = tracker(finds="depth")
+    for _ in range(4):
+        found.look(deep([AHEAD]), [AHEAD])
+    before = beside_the_robot(found)
+    # 5 cm to and fro, as between two neighbouring cells, would be half a metre a second.
+    for turn in range(8):
+        found.off = (0.05, -0.03) if turn % 2 else (0.0, 0.0)
+        found.look(deep([AHEAD]), [AHEAD])
+        assert found.states[-1].visibility == Visibility.VISIBLE
+        assert beside_the_robot(found) == pytest.approx(before, abs=1e-3)
+    track = found.service.state.track
+    assert track is not None and np.hypot(*track.mean[2:]) < 1e-3
+
+
+def test_where_the_odometry_begins_anew_the_object_stays_on_the_map() -> None:
+    found = tracker(finds="depth")
+    for _ in range(4):
+        found.look(deep([AHEAD]), [AHEAD])
+    before = found.states[-1].position
+    found.origin = np.array((-4.0, 3.0, -2.0))
+    for _ in range(2):
+        found.look(deep([AHEAD]), [AHEAD])
+    assert [one for one in found.said if "begun anew" in one]
+    after = found.states[-1].position
+    assert (after.x, after.y) == pytest.approx((before.x, before.y), abs=1e-3)
+    assert found.states[-1].visibility == Visibility.VISIBLE
 
 
 def test_a_late_picture_is_left_out() -> None:
