@@ -6,12 +6,14 @@ import base64
 import math
 import zlib
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
 
 from services.geometry.pose import between
 from services.mapping.config import BadKnownMap, KnownMap, MappingConfig
+from services.mapping.grid import hollow
 from services.mapping.service import MappingService
 from tests.services.mapping.rooms import WALLS, Array
 from tests.services.mapping.test_service import START, Drive, cell, drive, occupied_near, path, square
@@ -53,6 +55,38 @@ def test_the_base_is_located_in_a_known_map_and_the_map_stays() -> None:
     for wall in WALLS:
         for share in np.linspace(0.1, 0.9, 9):
             assert occupied_near(last, wall[0] + share * (wall[1] - wall[0]), 0.08)
+
+
+def thick(walls: Array = WALLS) -> KnownMap:
+    """Return the plan with walls 0.3 m thick, away from the room, and a pillar that is full: as floor plans have it."""
+    grid = plan(walls).grid().copy()
+    free = np.zeros_like(grid)
+    flood = grid.copy()
+    start = np.floor((START[:2] - CORNER) / 0.05).astype(int)
+    cv2.floodFill(flood, None, (int(start[0]), int(start[1])), 50)
+    free[flood == 50] = 1
+    near = cv2.dilate(free, np.ones((13, 13), np.uint8)) > 0
+    return KnownMap.of(np.where(free > 0, np.uint8(0), np.where(near, np.uint8(100), np.uint8(255))), CORNER)
+
+
+def test_on_thick_walls_the_base_is_located_as_well_and_does_not_jump() -> None:
+    """Without surfaces scans lie anywhere within the wall: the pose jumps by most of a cell from scan to scan."""
+    found = drive(known=thick(), wait=0.0)
+    off, _ = driven(found)
+    assert np.mean(off) < 0.03 and max(off) < 0.06
+    there = path()[-len(found.poses) :]
+    error = np.array([(one.pose.x - p[0], one.pose.y - p[1]) for one, p in zip(found.poses, there, strict=True)])
+    jumps = np.hypot(*np.diff(error, axis=0).T)
+    assert np.percentile(jumps, 99) < 0.02 and jumps.max() < 0.03, (np.percentile(jumps, 99), jumps.max())
+
+
+def test_only_what_a_beam_can_meet_stays_of_what_is_thick() -> None:
+    shown = np.full((7, 7), 100, np.uint8)
+    shown[0] = 0
+    shown[6] = 255
+    left = hollow(shown)
+    assert (left[1] == 100).all() and (left[2:6] == 255).all()
+    assert (left[0] == 0).all() and (left[6] == 255).all()
 
 
 def test_the_start_is_searched_for_where_it_is_not_known() -> None:
