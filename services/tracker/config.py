@@ -45,3 +45,7 @@ class TrackerConfig(FilterConfig, frozen=True, kw_only=True, forbid_unknown_fiel
     base_height: Annotated[
         float, Meta(ge=0, le=2, description="m, of the robot's own body, which hides what is close to it")
     ] = 0.25
+
+    def __post_init__(self) -> None:
+        if self.finds == "tags" and not self.diameter:
+            raise ValueError("diameter is 0, expected d_o, m: tags do not say how large the object is")

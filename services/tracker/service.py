@@ -52,6 +52,7 @@ class TrackerState:
         origin: (3,), x, y, theta, of that frame in the map's, as mapping says now.
         track: of the object, odometry's frame; None before it was seen.
         looked: ns, when a picture came last; stamp: of which time it was; 0 before.
+        said: ns, of which time the last published state is.
         memory: what is learned for finding it.
         unreadable: pictures that were none.
     """
@@ -61,6 +62,7 @@ class TrackerState:
     track: Track | None = None
     looked: Time = 0
     stamp: Time = 0
+    said: Time = 0
     memory: Memory = field(default_factory=Memory)
     unreadable: int = 0
 
@@ -162,10 +164,7 @@ class TrackerService(Service):
             return
         if state.origin is None:
             return
-        # A copy: pictures that are on their way may be older than now.
-        track = replace(state.track)
-        self._predict(track, now)
-        yield self._say(track, now)
+        yield self._say(self._ahead(state.track, now), now)
 
     def _look(self, image: CompressedImage, now: Time) -> Effects:
         state, camera, mount = self.state, self._camera, self._mount
@@ -194,7 +193,9 @@ class TrackerService(Service):
             self._take(seen, pose, stamp)
         yield self.annotations(lines([] if seen is None else seen.outlines, image.timestamp))
         if state.track is not None and state.origin is not None:
-            yield self._say(state.track, stamp)
+            # Where it was predicted meanwhile, time does not go back for those who listen.
+            said = max(stamp, state.said)
+            yield self._say(self._ahead(state.track, said), said)
 
     def _take(self, seen: Sighting, pose: Array, stamp: Time) -> None:
         c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -210,6 +211,12 @@ class TrackerService(Service):
             self.state.track = Track.begin(reading, stamp, self.config)
         else:
             self.state.track.correct(reading, self.config)
+
+    def _ahead(self, track: Track, stamp: Time) -> Track:
+        """Return the track gone on to `stamp`. A copy: pictures that are on their way may be older."""
+        ahead = replace(track)
+        self._predict(ahead, stamp)
+        return ahead
 
     def _predict(self, track: Track, stamp: Time) -> None:
         robot = self.state.robots.at(stamp)[:2]
@@ -235,7 +242,7 @@ class TrackerService(Service):
 
     def _say(self, track: Track, stamp: Time) -> Publication:
         """Say where the object is on the map. Where the odometry's frame is there has to be known."""
-        origin = self.state.origin
+        origin, self.state.said = self.state.origin, stamp
         assert origin is not None
         c, s = math.cos(origin[2]), math.sin(origin[2])
         turned = np.array([[c, -s], [s, c]])

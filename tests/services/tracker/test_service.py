@@ -262,7 +262,7 @@ def test_what_is_no_picture_is_named_and_changes_nothing(data: bytes, words: str
 
 
 def test_a_calibration_that_cannot_be_is_refused() -> None:
-    found = Fed(TrackerService(TrackerConfig()))
+    found = Fed(TrackerService(TrackerConfig(diameter=0.3)))
     found.give("calibration", CameraCalibration(width=640, height=480, K=[0.0] * 9))
     found.give("camera/mount", FrameTransform())
     assert "K is" in found.said[0] and "no length" in found.said[1]
@@ -310,6 +310,26 @@ def test_where_mapping_changes_its_mind_the_object_goes_along_and_does_not_seem_
         assert beside_the_robot(found) == pytest.approx(before, abs=1e-3)
     track = found.service.state.track
     assert track is not None and np.hypot(*track.mean[2:]) < 1e-3
+
+
+def test_time_does_not_go_back_where_a_picture_comes_after_a_prediction() -> None:
+    found = tracker(finds="depth")
+    for _ in range(3):
+        found.look(deep([AHEAD]), [AHEAD])
+    for _ in range(4):
+        found.look(None, [AHEAD])
+    predicted = found.states[-1].stamp
+    assert predicted == found.now
+    _, data = cv2.imencode(".png", deep([AHEAD]))
+    found.give("depth", CompressedImage(timestamp=stamp(found.now - STEP), data=data.tobytes(), format="png"))
+    assert found.states[-1].stamp == predicted, "of the picture, gone on to what was said already"
+    assert found.states[-1].visibility == Visibility.VISIBLE
+
+
+def test_tags_need_to_be_told_how_large_the_object_is() -> None:
+    with pytest.raises(ValueError, match="diameter is 0, expected d_o"):
+        TrackerConfig(finds="tags")
+    assert TrackerConfig(finds="depth").diameter == 0.0
 
 
 def test_where_the_odometry_begins_anew_the_object_stays_on_the_map() -> None:
