@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import isfinite
 
 from drivers.angles import wrap
 from drivers.robotino import infrared
@@ -141,12 +142,12 @@ class Board:
         power = Power(self.volts, 1.5, False, 1, 0, self.volts < 19.0, 60000)
         last = [tags.pack_power(power), (Tag.POWER_BUTTON, b"\0")]
         self._count(plant.pose)
-        kept = [*answers, *last]
-        frame = encode(tags.packed(kept), LONGEST)
-        while len(frame) > _RING:
-            kept = [*kept[:-4], _error("producer_buffer overrun"), *last]
-            frame = encode(tags.packed(kept), LONGEST)
-        return frame
+        kept, tail = list(answers), list(last)
+        while True:
+            payload = tags.packed([*kept, *tail])
+            if len(payload) <= LONGEST and len(frame := encode(payload, LONGEST)) <= _RING:
+                return frame
+            kept, tail = kept[:-1], [_error("producer_buffer overrun"), *last]
 
     def _answers(self, payload: bytes, plant: Plant) -> list[Answer]:
         found: list[Answer] = []
@@ -207,6 +208,8 @@ class Board:
         motor, least, most = struct.unpack("<Bff", data)
         if motor > 3:
             raise BadTag(f"invalid motor {motor}")
+        if not (isfinite(least) and isfinite(most)):
+            raise BadTag(f"invalid limits {least} {most}")
         if least <= 0.0 < most:
             self.limit[motor] = min(-least, most) if least < 0.0 else most
 

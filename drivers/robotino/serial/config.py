@@ -20,5 +20,5 @@ class SerialConfig(BaseConfig, frozen=True, kw_only=True, forbid_unknown_fields=
         bool, Meta(description="whether the board stops the motors by itself while the bumper is pressed")
     ] = True
     ramp: Annotated[
-        float, Meta(gt=100, le=12000, description="rpm/s, of the board's own ramps: how steeply the base stops")
+        float, Meta(ge=5000, le=12000, description="rpm/s, of the board's own ramps: how steeply the base stops")
     ] = 11500.0

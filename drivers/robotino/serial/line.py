@@ -11,6 +11,7 @@ import tty
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from errno import EEXIST
 from pathlib import Path
 from threading import Event, RLock, Thread
 from time import monotonic
@@ -124,8 +125,9 @@ class PtyLine:
         with self.lock:
             if self._master is not None:
                 return
-            if self._link is not None and self._link.exists() and not self._link.is_symlink():
-                raise FileExistsError(f"{self._link} is there, and is no symbolic link: expected nothing or a link")
+            if self._link is not None and self._link.exists():
+                # A link that leads nowhere was left behind; one that leads to a device is another line's.
+                raise FileExistsError(EEXIST, f"{self._link} is there already: expected nothing, or a link left behind")
             self._master, slave = os.openpty()
             # Raw for a client that sets nothing itself: else the terminal would give it back what it writes.
             tty.setraw(slave)

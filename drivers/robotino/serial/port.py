@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import termios
 from contextlib import suppress
 from errno import EACCES, EAGAIN, EBUSY, EINVAL, EIO, ENODEV, ENOENT, ENOTTY, ENXIO, EPERM
+from pathlib import Path
 
 from serial import Serial, SerialException
 from serial.tools import list_ports
@@ -42,9 +45,30 @@ def opened(device: str) -> Serial:
     """
     path = found() if device in ("", AUTO) else device
     try:
-        return Serial(path, _BAUD, timeout=0, write_timeout=0, exclusive=True)
+        port = Serial(path, _BAUD, timeout=0, write_timeout=0, exclusive=True)
     except FAILURES as error:
         raise NoLine(_refused(error, path), _number(error) in (ENOENT, ENODEV, ENXIO)) from error
+    # pyserial's lock is for those who ask for it; who does not, as controld3 may, is kept out by the kernel, or was
+    # here first.
+    with suppress(*FAILURES):
+        fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
+    others = holders(path)
+    if others:
+        shut(port)
+        raise NoLine(f"{path} is busy: {', '.join(others)} has it open, which has to be stopped first", False)
+    return port
+
+
+def holders(path: str) -> list[str]:
+    """Return the names of other programs that have a device open, of those that may be looked at: as root, of all."""
+    found, real, own = set(), os.path.realpath(path), str(os.getpid())
+    for folder in Path("/proc").glob("[0-9]*"):
+        if folder.name == own:
+            continue
+        with suppress(OSError):
+            if any(os.path.realpath(one) == real for one in (folder / "fd").iterdir()):
+                found.add((folder / "comm").read_text().strip() or folder.name)
+    return sorted(found)
 
 
 def found() -> str:

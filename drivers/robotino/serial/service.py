@@ -39,6 +39,11 @@ _LATE = SECOND // 10
 _SLACK_TICKS = 200
 _REFUSED = 10
 """implausible readings in a row after which the encoders are taken to have begun anew"""
+_MARK = 1 << 29
+"""ticks at which encoders are told to begin, 3 km from 0: those of a board that was reset begin at 0, and are told from
+these wherever the base has been"""
+_MARK_TRIES = 25
+"""times that a board is told so before its own counts are taken as they are"""
 
 Ticks = tuple[int, int, int]
 
@@ -54,7 +59,9 @@ class SerialState(BaseState):
         read: ns, of the question before the last believed readings: they are no older than it, however late they
             are heard; None before.
         silent: no answer comes. open: the line is there, as far as the wire says.
-        ticks: the encoders at the last believed readings; unbelieved: readings in a row that were not.
+        ticks: the encoders at the last believed readings, also of before the line was gone; unbelieved: readings in a
+            row that were not.
+        marks: times that the encoders were told where to begin since they were last believed.
         told: m/s and rad/s, what the board was told last.
         gyro: the last angle; None without one.
         polls, readings: so far.
@@ -72,6 +79,7 @@ class SerialState(BaseState):
     open: bool = True
     ticks: Ticks | None = None
     unbelieved: int = 0
+    marks: int = 0
     told: Twist = STILL
     gyro: float | None = None
     polls: int = 0
@@ -162,7 +170,10 @@ class RobotinoSerial(RobotinoDriver):
         power = tags.power(said[Tag.POWER_SOURCE_READINGS]) if Tag.POWER_SOURCE_READINGS in said else None
         gyro = tags.gyro(said[Tag.GYRO_Z_ANGLE]) if Tag.GYRO_Z_ANGLE in said else None
         bumper = tags.flag(Tag.BUMPER, said[Tag.BUMPER]) if Tag.BUMPER in said else state.bumper
-        was_silent, state.heard, state.silent = state.silent, now, False
+        was_silent = state.silent
+        if motors is not None or not state.started:
+            # Of a board that only complains nothing is known.
+            state.heard, state.silent = now, False
         if Tag.HW_VERSION in said and Tag.SW_VERSION in said:
             yield from self._met(tags.text(said[Tag.HW_VERSION]), tags.text(said[Tag.SW_VERSION]), now)
         if power is not None:
@@ -179,29 +190,38 @@ class RobotinoSerial(RobotinoDriver):
         state = self.state
         if not state.started:
             state.started, state.hardware, state.software = True, hardware, software
-            state.ticks, state.gyro = None, None
+            state.unbelieved, state.gyro = 0, None
             yield self.say(f"board {hardware}, firmware {software}", now)
 
     def _moved(self, motors: MotorReadings, gyro: Gyro | None, now: Time) -> Effects:
         """Go where the encoders say, unless no base could have gone there."""
         state, config = self.state, self.config
         ticks: Ticks = motors.ticks[:3]
-        if state.ticks is not None and state.read is not None:
+        if state.ticks is None:
+            if not _marked(ticks) and state.marks < _MARK_TRIES:
+                state.marks += 1
+                yield self._frame(_mark(), now)
+                return
+            if state.marks >= _MARK_TRIES:
+                yield self.say("the board takes no positions: its reset is told by jumps alone", now, "WARNING")
+        elif state.read is not None:
             before = state.ticks
             gone = (counted(before[0], ticks[0]), counted(before[1], ticks[1]), counted(before[2], ticks[2]))
             seconds = (now - state.read) / SECOND
             fastest = 1.5 * config.geometry.max_rpm / 60.0 * config.geometry.ticks
             most = fastest * (seconds + _LATE / SECOND) + _SLACK_TICKS
-            from_zero = seconds > _GAP / SECOND and max(map(abs, ticks)) <= most < max(map(abs, before))
+            from_zero = (_marked(before) and not _marked(ticks)) or (
+                seconds > _GAP / SECOND and max(map(abs, ticks)) <= most < max(map(abs, before))
+            )
             if max(map(abs, gone)) > most or from_zero:
-                yield from self._unbelieved(ticks, gone, from_zero, now)
+                yield from self._unbelieved(gone, from_zero, now)
                 return
             way = config.geometry.way(gone)
             if gyro is not None:
                 turn = wrap(gyro.angle - state.gyro) if state.gyro is not None else way[2]
                 way = (way[0], way[1], turn)
             state.reckoning.go(way)
-        state.ticks, state.read, state.unbelieved = ticks, state.polled, 0
+        state.ticks, state.read, state.unbelieved, state.marks = ticks, state.polled, 0, 0
         state.gyro = None if gyro is None else gyro.angle
         state.readings += 1
         if state.readings % _ODOMETRY_EVERY == 1:
@@ -210,13 +230,13 @@ class RobotinoSerial(RobotinoDriver):
             twist = config.geometry.twist(rpm)
             yield self.odometry(state.reckoning.message(now, twist, state.gate.sensed(now)))
 
-    def _unbelieved(self, ticks: Ticks, gone: Ticks, from_zero: bool, now: Time) -> Effects:
+    def _unbelieved(self, gone: Ticks, from_zero: bool, now: Time) -> Effects:
         state = self.state
         state.unbelieved += 1
         yield from self._fault("encoders", f"{gone} ticks since the last reading", now)
         if from_zero or state.unbelieved >= _REFUSED:
             # The board has begun anew; it has forgotten its settings too. What was driven meanwhile is lost.
-            state.ticks, state.read, state.unbelieved = ticks, state.polled, 0
+            state.ticks, state.unbelieved = None, 0
             state.started, state.asked = False, None
             yield self.say("the board has begun anew", now, "WARNING")
 
@@ -241,7 +261,8 @@ class RobotinoSerial(RobotinoDriver):
             state.told = STILL
         else:
             step = (config.acceleration * _PERIOD, config.angular_acceleration * _PERIOD)
-            state.told = ramped(state.told, wish, *step)
+            # Between two motions that the motors can do there are some that they cannot.
+            state.told, _ = config.geometry.within(ramped(state.told, wish, *step))
         return tags.speeds(config.geometry.motors(state.told))
 
     def _start(self) -> list[tuple[int, bytes]]:
@@ -261,3 +282,13 @@ class RobotinoSerial(RobotinoDriver):
     def _note(self, power: Power) -> None:
         state = self.state
         state.battery, state.charging, state.low = power.volts, power.external, power.low
+
+
+def _mark() -> list[tuple[int, bytes]]:
+    """Return the tags that let the encoders begin at `_MARK`."""
+    return [(int(Tag.SET_MOTOR_POSITION), struct.pack("<Bi", motor, _MARK)) for motor in range(3)]
+
+
+def _marked(ticks: Ticks) -> bool:
+    """Return whether the encoders have begun at `_MARK`."""
+    return all(abs(one - _MARK) < _MARK // 2 for one in ticks)

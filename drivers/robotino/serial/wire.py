@@ -11,7 +11,7 @@ import socket
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from select import select
+from select import POLLIN, poll
 from threading import Event, Lock, Thread
 from time import monotonic, sleep
 
@@ -117,7 +117,10 @@ class SerialWire:
         self._say("")
         while not self._closing.is_set():
             waits = self._held is not None or port.out_waiting > 0
-            select([port.fileno(), self._bell.fileno()], [], [], _LOOK if waits else None)
+            wait = poll()  # select would fail from the 1024th file on
+            wait.register(port.fileno(), POLLIN)
+            wait.register(self._bell, POLLIN)
+            wait.poll(1000.0 * _LOOK if waits else None)
             self._silence()
             self._read(port)
             self._write(port)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from drivers.robotino import infrared
 from drivers.robotino.infrared import FARTHEST
 from drivers.robotino.kinematics import ROBOTINO_3_4
-from drivers.robotino.serial import tags
+from drivers.robotino.serial import board, tags
 from drivers.robotino.serial.board import Board
 from drivers.robotino.serial.config import SerialConfig
 from drivers.robotino.serial.framing import Decoder, encode
@@ -115,8 +117,10 @@ def test_a_line_that_is_unplugged_and_plugged_again() -> None:
     assert not rig.statuses[-1].link_down
     assert len(rig.odometry) > count + 20
     assert rig.plant.twist == pytest.approx(AROUND, abs=0.002)
-    # It coasted out of sight of us, but its encoders counted on.
-    assert rig.worst() < 1e-3 or rig.odometry[-1][0].pose.x > 0
+    # It coasted out of sight of us, but its encoders counted on: an arc in place of what it drove.
+    last, there = rig.odometry[-1]
+    assert np.hypot(last.pose.x - there[0], last.pose.y - there[1]) < 0.01
+    assert last.pose.theta == pytest.approx(there[2], abs=1e-3)
 
 
 def test_a_line_that_goes_is_said_at_once_and_what_keeps_it_away_too() -> None:
@@ -163,6 +167,65 @@ def test_answers_that_are_heard_late_are_believed(hung: bool) -> None:
     last, there = rig.odometry[-1]
     assert np.hypot(last.pose.x - there[0], last.pose.y - there[1]) < 1e-3
     assert last.pose.theta == pytest.approx(there[2], abs=1e-3)
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.4, 1.0, 2.0])
+@pytest.mark.parametrize("wish", [(0.1, 0.0, 0.0), (0.0, 0.0, 0.3), None])
+def test_a_board_that_is_reset_early_is_told_from_one_that_stands(
+    moved: float, wish: tuple[float, float, float] | None
+) -> None:
+    """Its counters go back to where they were a moment ago: a jump that a base could have made."""
+    rig = driven(moved, wish)
+    before = rig.odometry[-1][0].pose
+    rig.board.reset()
+    rig.run(1.0)
+    assert rig.faults("encoders") > 0
+    assert rig.board.stops, "the emergency bumper is on again"
+    assert rig.board.limit[0] == pytest.approx(11500.0)
+    later = rig.odometry[-1][0].pose
+    assert later.x >= before.x - 1e-6 and later.theta >= before.theta - 1e-6, "odometry does not go back"
+    steps = [np.hypot(b.pose.x - a.pose.x, b.pose.y - a.pose.y) for (a, _), (b, _) in pairwise(rig.odometry)]
+    assert max(steps) < 0.02
+
+
+def test_a_board_that_takes_no_positions_is_driven_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(board._TABLE, Tag.SET_MOTOR_POSITION, (5, lambda *_: None))
+    rig = driven(3.0)
+    assert rig.plant.twist == pytest.approx(AROUND, abs=0.002)
+    assert len(rig.odometry) > 40 and any("takes no positions" in one for one in rig.said)
+    rig.board.reset()
+    rig.run(2.0)
+    assert rig.faults("encoders") > 0, "what is driven by then is told from none"
+
+
+def test_a_board_that_only_complains_is_no_link() -> None:
+    rig = driven()
+    rig.board.receive = lambda data, plant: b""  # type: ignore[method-assign]
+    for _ in range(50):
+        rig.hear(
+            encode(
+                tags.packed(
+                    [
+                        (Tag.ERROR, b"no"),
+                        tags.pack_power(tags.Power(24.0, 1.5, False, 1, 0, False, 60000)),
+                        (Tag.POWER_BUTTON, b"\0"),
+                    ]
+                )
+            )
+        )
+        rig.run(0.02)
+    assert rig.statuses[-1].link_down and not rig.statuses[-1].motors_enabled
+
+
+def test_ramps_never_ask_motors_for_more_than_they_can() -> None:
+    """The turn comes sooner than the way ends: the rear wheel would have to do both."""
+    rig = driven(2.0, (0.0, -0.57, 0.0))
+    most, speeds = ROBOTINO_3_4.max_rpm, []
+    rig.wish = (0.0, 0.0, 1.5)
+    for _ in range(300):
+        rig.run(0.01)
+        speeds.append(max(map(abs, rig.board.wish[:3])))
+    assert max(speeds) <= most + 1.0
 
 
 def test_a_board_that_is_reset() -> None:

@@ -122,7 +122,7 @@ def test_unplugged_and_plugged_in_again_under_the_same_name(tmp_path: Path) -> N
             assert asked(port, VERSIONS, len(expected)) == expected
     assert not link.is_symlink()
     link.write_text("mine")
-    with pytest.raises(FileExistsError, match="no symbolic link"), PtyLine(Board(), plant, link=link):
+    with pytest.raises(FileExistsError, match="is there already"), PtyLine(Board(), plant, link=link):
         pass
     assert link.read_text() == "mine"
 
