@@ -52,17 +52,20 @@ def check(
     over_rest = where.startswith("http")
     rows = _rows(where, over_rest, timeout)
     health.show(where, rows)
-    fit = health.fit(rows, over_rest)
+    lacking = health.lacks(rows, over_rest)
+    if lacking:
+        typer.echo(f"a push needs these as well: {', '.join(lacking)}")
+    fit = not lacking
     if wiggle:
-        if not fit:
-            typer.echo("not moved: first what is missing above")
+        if set(lacking) - {"laser"}:
+            typer.echo("not moved: first what lacks")
             raise typer.Exit(1)
         if not yes and not typer.confirm(
             "Is there half a metre of free floor before the base, and a hand on its switch?", default=False
         ):
             typer.echo("not moved")
             raise typer.Exit(1)
-        fit = health.wiggle(where, over_rest, typer.echo)
+        fit = health.wiggle(where, over_rest, typer.echo) and fit
     raise typer.Exit(0 if fit else 1)
 
 
@@ -87,7 +90,10 @@ def emulate(
         Path, typer.Option(metavar="LINK", help="Name of the serial device: a link to a pseudo-terminal.")
     ] = Path("robotino"),
     idle: Annotated[
-        float, typer.Option(metavar="S", min=0.1, max=5, help="REST: it stops without a command for so long.")
+        float,
+        typer.Option(
+            metavar="S", min=0.1, max=0.5, help="REST: it stops without a command for so long: 0.2 to 0.5 by image."
+        ),
     ] = 0.5,
     system: Annotated[
         Path | None,

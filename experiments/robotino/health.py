@@ -20,8 +20,11 @@ from runtime.messages import Twist2, VelocityCommand
 from runtime.time import nanoseconds
 
 _COLOURS = {"ok": "green", "missing": "yellow", "bad": "red"}
-_NEEDED = {True: ("odometry", "bumper", "distances", "power"), False: ("line", "motors", "bumper", "distances")}
-"""What a push cannot do without, over REST and over the serial link."""
+_NEEDED = {
+    True: ("odometry", "bumper", "distances", "power", "laser"),
+    False: ("line", "motors", "bumper", "distances"),
+}
+"""What a push cannot do without, over REST and over the serial link. Camera and laser beside the latter are others'."""
 
 _WAY, _SPEED = 0.05, 0.05
 """m, m/s"""
@@ -47,10 +50,11 @@ def show(where: str, rows: Sequence[Row]) -> None:
     Console().print(table)
 
 
-def fit(rows: Sequence[Row], over_rest: bool) -> bool:
-    """Return whether everything is there that a push cannot do without, and nothing is wrong."""
+def lacks(rows: Sequence[Row], over_rest: bool) -> list[str]:
+    """Return what lacks, or is wrong, of what a push cannot do without."""
     states = {row.name: row.state for row in rows}
-    return all(states.get(name) == "ok" for name in _NEEDED[over_rest]) and "bad" not in states.values()
+    bad = [row.name for row in rows if row.state == "bad"]
+    return list(dict.fromkeys([*(one for one in _NEEDED[over_rest] if states.get(one) != "ok"), *bad]))
 
 
 def wiggle(where: str, over_rest: bool, say: Callable[[str], None]) -> bool:

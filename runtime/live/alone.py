@@ -46,9 +46,12 @@ class Alone:
         self._wire.open(self._came.put, self._clock.now)
         try:
             yield
-            self._send(self._node.end(self._clock.now()))
         finally:
-            self._wire.close()
+            # Whatever happened, Ctrl-C too: a base that moves has to be told that it is over.
+            try:
+                self._send(self._node.end(self._clock.now()))
+            finally:
+                self._wire.close()
 
     def listen(self, hear: Callable[[str, Message], None]) -> None:
         """Let `hear` have every message, with its topic."""

@@ -99,8 +99,11 @@ class LiveHost:
                 self._wire.open(lambda message: bring(topic, message), self._clock.now)
             # What is there by now stays: the collector of garbage need not go through it again and again.
             gc.freeze()
-            self._loop()
-            self._send(self._node.end(self._clock.now()))
+            try:
+                self._loop()
+            finally:
+                # Last words also where the loop broke off: a driver's are zero.
+                self._send(self._node.end(self._clock.now()))
             self._outlet.see_off()
         finally:
             if self._wire is not None:

@@ -107,6 +107,20 @@ def test_a_fault_in_a_unit_would_be_seen(old: str, new: str, tmp_path: Path) -> 
 
 
 @needs_systemd
+def test_systemd_has_nothing_to_say_about_the_unit_with_the_serial_device(tmp_path: Path) -> None:
+    here = Path(sys.executable).parent / "pushlane"
+    folder = tmp_path / "pushlane-robot.service.d"
+    folder.mkdir()
+    drop = (DEPLOY / "systemd" / folder.name / "serial.conf").read_text()
+    (folder / "serial.conf").write_text(drop.replace("/opt/pushlane/.venv/bin/pushlane", str(here)))
+    found = analysed(DEPLOY / "systemd" / "pushlane-robot.service", tmp_path, "verify", "--man=no")
+    assert (found.returncode, found.stdout + found.stderr) == (0, "")
+    (folder / "serial.conf").write_text(drop.replace("DevicePolicy=closed", "DevicePolicy=shut"))
+    wrong = analysed(DEPLOY / "systemd" / "pushlane-robot.service", tmp_path, "verify", "--man=no")
+    assert wrong.stdout + wrong.stderr != "", "it is looked at"
+
+
+@needs_systemd
 @pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.stem)
 def test_a_unit_is_shut_in(unit: Path, tmp_path: Path, figures: Figures) -> None:
     found = analysed(unit, tmp_path, "security", "--offline=yes", f"--threshold={10 * LARGEST_EXPOSURE:.0f}")

@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.robotino.health import Row
+from drivers.robotino.plant import LaserReading
 from drivers.robotino.rest.config import RestConfig
 from drivers.robotino.rest.restapid import Restapid
 from drivers.robotino.rest.server import RestServer
@@ -115,11 +116,11 @@ def test_a_wiggle_of_a_base_that_does_not_move_fails() -> None:
     assert "forward 0 mm (50 wanted)" in said[0]
 
 
-def test_what_a_push_needs_decides_whether_a_base_is_fit() -> None:
-    rows = [Row(name, "ok", "", 1.0) for name in ("odometry", "bumper", "distances", "power")]
-    assert health.fit([*rows, Row("laser", "missing", "", 1.0)], True)
-    assert not health.fit(rows[1:], True)
-    assert not health.fit([*rows, Row("laser", "bad", "", 1.0)], True)
+def test_what_a_push_cannot_do_without_is_named() -> None:
+    rows = [Row(name, "ok", "", 1.0) for name in ("odometry", "bumper", "distances", "power", "laser")]
+    assert health.lacks([*rows, Row("camera", "missing", "", 1.0)], True) == []
+    assert health.lacks(rows[1:], True) == ["odometry"]
+    assert health.lacks([*rows, Row("camera", "bad", "", 1.0)], True) == ["camera"]
 
 
 def invoked(*arguments: str) -> tuple[int, str]:
@@ -133,6 +134,9 @@ def invoked(*arguments: str) -> tuple[int, str]:
 def test_the_check_reads_everything_and_moves_nothing() -> None:
     base = Base()
     with RestServer(base.handle) as far:
+        code, text = invoked("robotino", "check", far.url)
+        assert code == 1 and "a push needs these as well: laser" in text
+        base.plant.scan = LaserReading(-1.0, 1.0, (1.0, 2.0, 3.0))
         code, text = invoked("robotino", "check", far.url)
     assert code == 0, text
     assert "24.0 V" in text and "odometry" in text

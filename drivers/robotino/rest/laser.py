@@ -20,15 +20,19 @@ from runtime.time import SECOND, Time, nanoseconds
 LANE, PATH = "scan", "/data/scan0"
 
 
-def message(found: ScanAnswer, config: RestConfig | LaserConfig, now: Time) -> LaserScan:
-    """Return a scan as it goes over the bus, base frame. What saw nothing has met nothing up to the farthest."""
+def message(found: ScanAnswer, config: RestConfig | LaserConfig, stamp: Time) -> LaserScan:
+    """Return a scan as it goes over the bus, base frame. What saw nothing has met nothing up to the farthest.
+
+    Args:
+        stamp: ns, when it was asked for.
+    """
     scan = LaserScan(
         frame_id="base",
         start_angle=found.first + config.laser_yaw,
         end_angle=found.last + config.laser_yaw,
         ranges=[one if one > 0.0 else found.farthest for one in found.ranges],
     )
-    scan.timestamp.seconds, scan.timestamp.nanos = divmod(now, SECOND)
+    scan.timestamp.seconds, scan.timestamp.nanos = divmod(stamp, SECOND)
     scan.pose.position.x, scan.pose.position.y = config.laser_x, config.laser_y
     scan.pose.orientation.w = 1.0
     return scan
@@ -100,7 +104,7 @@ class RobotinoLaser(Service):
                 return
             if found.sequence != self.state.scanned:
                 self.state.scanned = found.sequence
-                yield self.scan(message(found, self.config, now))
+                yield self.scan(message(found, self.config, self.state.since))
 
     def _fault(self, kind: str, detail: str, now: Time) -> Effects:
         for line in self.state.faults.note(kind, f"{PATH}: {detail}", now):

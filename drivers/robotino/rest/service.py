@@ -37,6 +37,10 @@ _STALE = SECOND // 4
 """ns without new odometry after which the link counts as down: five of its publications"""
 _FASTEST, _JUMP = 3.0, 0.1
 """m/s and m that odometry may go on from one to the next"""
+_TURN, _TURNING = 0.3, 6.0
+"""rad and rad/s, the same of the heading"""
+_DRIVE_TIMEOUT = SECOND // 10
+"""ns for the answer to a velocity, whatever is given the sensors: the next one waits behind it, and may be zero"""
 _PATIENCE = SECOND // 2
 """ns more than its time-out after which a request counts as answered, whatever became of it"""
 
@@ -112,8 +116,9 @@ class RobotinoRest(RobotinoDriver):
         """Take an answer, or what became of a request."""
         state = self.state
         lane = _LANES.get(answer.path, DRIVE if answer.path == OMNIDRIVE else "")
+        asked = now
         if lane in state.asked and state.asked[lane][0] == answer.id:
-            del state.asked[lane]
+            _, asked = state.asked.pop(lane)
         elif lane != DRIVE:
             return  # of a request that was given up, or of nobody's: too late to say what is so now
         if answer.fault == HttpFault.HTTP_REPLACED:
@@ -128,9 +133,11 @@ class RobotinoRest(RobotinoDriver):
         elif not answer.body.strip():
             # Usual for a laser that is not there: counted, and no news.
             yield from self._fault(f"no {lane}", f"{answer.path}: empty answer", now)
+        elif now - asked > _STALE:
+            yield from self._fault(f"late {lane}", f"{answer.path}: after {(now - asked) / SECOND:.2f} s", now)
         else:
             try:
-                yield from self._take(lane, answer.body, now)
+                yield from self._take(lane, answer.body, asked, now)
             except BadShape as error:
                 yield from self._fault(f"{lane} shape", str(error), now)
             else:
@@ -140,14 +147,15 @@ class RobotinoRest(RobotinoDriver):
             state.blind = True
             yield self._told(now)
 
-    def _take(self, lane: str, body: bytes, now: Time) -> Effects:
+    def _take(self, lane: str, body: bytes, asked: Time, now: Time) -> Effects:
+        """Take what a sensor said. It was so when it was asked, not only when the answer came."""
         state = self.state
         if lane == "odometry":
-            yield from self._moved(shapes.odometry(body), now)
+            yield from self._moved(shapes.odometry(body), asked, now)
         elif lane == "ranges":
-            yield self._ranges(list(shapes.distances(body)), now)
+            yield self._ranges(list(shapes.distances(body)), asked)
         elif lane == "scan":
-            yield from self._scanned(shapes.scan(body), now)
+            yield from self._scanned(shapes.scan(body), asked)
         elif lane == "bumper":
             pressed = shapes.bumper(body)
             if pressed != state.bumper:
@@ -160,26 +168,32 @@ class RobotinoRest(RobotinoDriver):
             found = shapes.power(body)
             state.battery, state.charging, state.low = found.voltage, found.external, found.low
 
-    def _moved(self, found: OdometryAnswer, now: Time) -> Effects:
-        """Go on by what is new. The base's odometry begins anew when somebody sets it; ours never jumps."""
+    def _moved(self, found: OdometryAnswer, asked: Time, now: Time) -> Effects:
+        """Go on by what is new. The base's odometry begins anew when somebody sets it; ours never jumps.
+
+        The age of commands counts from when it was asked for, so that slow answers make them no younger.
+        """
         state = self.state
         if state.pose is not None and found.sequence == state.sequence:
             return
         seconds = 0.0 if state.fresh is None else (now - state.fresh) / SECOND
         if state.pose is not None:
-            if found.sequence < state.sequence or dist(state.pose[:2], found.pose[:2]) > _JUMP + _FASTEST * seconds:
+            step = way(state.pose, found.pose)
+            leaps = dist(state.pose[:2], found.pose[:2]) > _JUMP + _FASTEST * seconds
+            if found.sequence < state.sequence or leaps or abs(step[2]) > _TURN + _TURNING * seconds:
                 yield from self._fault("odometry", f"{state.pose} and {found.pose}: it has begun anew", now)
             else:
-                state.reckoning.go(way(state.pose, found.pose))
+                state.reckoning.go(step)
         was_stale, state.stale, state.blind = state.stale, False, False
         state.pose, state.sequence, state.fresh = found.pose, found.sequence, now
-        yield self.odometry(state.reckoning.message(now, found.twist, state.gate.sensed(now)))
+        yield self.odometry(state.reckoning.message(asked, found.twist, state.gate.sensed(asked)))
         if was_stale:
             yield self._status(now)
 
     def _told(self, now: Time) -> Publication:
         """Return the request that tells the base how to move now."""
-        wish, blind = self.state.gate.now(now), self.state.stale or self.state.blind
+        state = self.state
+        wish, blind = state.gate.now(now), state.stale or state.blind or state.bumper
         return self._ask(DRIVE, "PUT", OMNIDRIVE, shapes.omnidrive(*(STILL if blind else wish)), now)
 
     def _works(self) -> bool:
@@ -189,10 +203,11 @@ class RobotinoRest(RobotinoDriver):
         state = self.state
         state.requests += 1
         state.asked[lane] = (state.requests, now)
+        timeout = nanoseconds(self.config.timeout)
         return self.request(
             HttpRequest(
                 stamp=now, id=state.requests, lane=lane, method=method, path=path, body=body,
-                timeout=nanoseconds(self.config.timeout),
+                timeout=min(timeout, _DRIVE_TIMEOUT) if lane == DRIVE else timeout,
             )
         )  # fmt: skip
 

@@ -10,9 +10,10 @@ import pytest
 
 from drivers.robotino.infrared import FARTHEST
 from drivers.robotino.plant import IdealPlant, LaserReading
+from drivers.robotino.rest.config import RestConfig
 from drivers.robotino.rest.restapid import Response, Restapid
 from drivers.robotino.rest.service import RobotinoRest
-from runtime.messages import Alive, HttpAnswer, HttpFault, HttpRequest, Twist2, VelocityCommand
+from runtime.messages import Alive, HttpAnswer, HttpFault, HttpRequest, Odometry, Twist2, VelocityCommand
 from runtime.time import SECOND
 from tests.drivers.robotino.rest.rig import Rig
 from tests.drivers.robotino.rig import driven as after
@@ -224,11 +225,47 @@ def test_last_words_controller_gone_and_bumper_all_say_zero() -> None:
         rig = driven()
         rig.take(end(rig))
         assert json.loads(rig.requests[-1].body) == [0.0, 0.0, 0.0]
+
+
+def test_while_the_bumper_is_pressed_the_base_stands_whatever_is_commanded() -> None:
     rig = driven()
     rig.plant.bumper, since = True, rig.now
-    rig.wish = None
-    rig.run(1.0)
+    rig.run(2.0)
     assert rig.statuses[-1].bumper and rig.moving_after(since) < 0.2 + BRAKING
+    rig.plant.bumper = False
+    rig.run(1.0)
+    assert rig.plant.twist == pytest.approx(WISH, abs=0.01), "and goes on"
+
+
+def test_a_velocity_waits_a_tenth_of_a_second_at_most_for_the_one_before() -> None:
+    rig = driven(config=RestConfig(timeout=2.0))
+    assert {one.timeout for one in rig.requests if one.method == "PUT"} == {SECOND // 10}
+    assert {one.timeout for one in rig.requests if one.method == "GET"} == {2 * SECOND}
+
+
+def test_what_a_slow_answer_says_is_of_when_it_was_asked_for() -> None:
+    """And what comes after more than a quarter of a second is of no use."""
+    service = RobotinoRest(RestConfig(timeout=2.0))
+    asked = {one.message.lane: one.message for one in service.ask(0) if isinstance(one.message, HttpRequest)}  # type: ignore[union-attr]
+    body = b"[0.1, 0, 0, 0, 0, 0, 7]"
+    late = HttpAnswer(id=asked["odometry"].id, path="/data/odometry", status=200, body=body)
+    found = [one.message for one in service.hear(late, SECOND // 5) if isinstance(one.message, Odometry)]  # type: ignore[union-attr]
+    assert [one.stamp for one in found] == [0]
+    again = {one.message.lane: one.message for one in service.ask(SECOND) if isinstance(one.message, HttpRequest)}  # type: ignore[union-attr]
+    later = HttpAnswer(id=again["odometry"].id, path="/data/odometry", status=200, body=b"[0.1, 0, 0, 0, 0, 0, 8]")
+    said = list(service.hear(later, SECOND + SECOND // 3))  # type: ignore[arg-type]
+    assert not any(isinstance(one.message, Odometry) for one in said)  # type: ignore[union-attr]
+    assert service.state.faults.counts["late odometry"] == 1
+
+
+def test_a_heading_that_no_base_can_have_come_to_is_not_believed() -> None:
+    rig = driven(2.0, (0.0, 0.0, 0.3))
+    before = rig.odometry[-1][0].pose.theta
+    rig.plant.reckoning.theta += 2.5
+    rig.run(1.0)
+    assert rig.faults("odometry") == 1
+    after_ = rig.odometry[-1][0].pose.theta
+    assert 0.2 < after_ - before < 0.5
 
 
 def test_no_lane_has_two_requests_under_way() -> None:

@@ -191,11 +191,18 @@ def test_the_end_of_the_driver_is_the_end_of_the_motion(figures: Figures) -> Non
     """Its last word is zero: the base need not wait for a time-out, which is 5 s here."""
     with moving(idle=5.0) as whole:
         pass
+    assert whole.floor.server.wish == (0.0, 0.0, 0.0), "it was told"
     begun = time.monotonic()
     while whole.floor.speed() > 0.0:
         assert time.monotonic() < begun + 4.0
         time.sleep(0.005)
     figures(f"ended: at rest after {time.monotonic() - begun:.3f} s")
+
+
+def test_where_a_check_is_interrupted_the_base_is_told_zero_as_well() -> None:
+    with pytest.raises(KeyboardInterrupt), moving(idle=5.0) as whole:
+        raise KeyboardInterrupt
+    assert whole.floor.server.wish == (0.0, 0.0, 0.0)
 
 
 def test_on_image_2_0_17_a_server_that_hangs_lets_the_base_go_on_longer(figures: Figures) -> None:
