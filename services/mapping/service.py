@@ -27,6 +27,9 @@ _REMEMBERED = 2.0
 _LEAST = np.diag([0.01**2, 0.01**2, 0.005**2])
 """m^2 and rad^2: that of a map that is made while it is used. Particles that agree know nothing of the errors that all
 of them share; this is what is left on rounds through rooms (docs/mapping.md)."""
+_LEAST_KNOWN = np.diag([0.02**2, 0.02**2, 0.005**2])
+"""The same of a map that was made before: its surfaces are anywhere within cells of 0.05 m, and so is what is drawn
+over them by a robot that was located in it."""
 _SINCE = Noise(least=0.0, least_turn=0.0)
 _CARRIED = 0.3
 """m from where the object was seen last at which it was carried, not pushed"""
@@ -229,7 +232,8 @@ class MappingService(Service):
         c, s = math.cos(best[2]), math.sin(best[2])
         turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         since = turned @ _SINCE.covariance(step) @ turned.T
-        covariance = lever @ ((weights[:, None] * off).T @ off + _LEAST) @ lever.T + since
+        least = _LEAST if self.config.known is None else _LEAST_KNOWN
+        covariance = lever @ ((weights[:, None] * off).T @ off + least) @ lever.T + since
         return self.pose(
             RobotPose(
                 stamp=odometry.stamp,
