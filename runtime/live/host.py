@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import gc
 import queue
-import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from types import FrameType
 
 import zenoh
 from google.protobuf.message import Message
@@ -22,7 +20,6 @@ from google.protobuf.message import Message
 from runtime import topics
 from runtime.bus import envelope
 from runtime.bus.keys import Keys
-from runtime.errors import PushlaneError
 from runtime.live.beat import beat
 from runtime.live.clock import Clock
 from runtime.live.config import LiveConfig
@@ -316,19 +313,3 @@ class LiveHost:
         if now - self._complained.get(topic, -_LOG_EVERY) >= _LOG_EVERY:
             self._complained[topic] = now
             print(f"{self._node.name}: refused: {text}", file=sys.stderr, flush=True)
-
-
-def stop_on_signals(host: LiveHost) -> None:
-    """End `host` on SIGINT and SIGTERM."""
-
-    def end(_: int, __: FrameType | None) -> None:
-        host.stop()
-
-    signal.signal(signal.SIGINT, end)
-    signal.signal(signal.SIGTERM, end)
-
-
-def fail(name: str, error: PushlaneError) -> None:
-    """Say why a host cannot go on, and end the process."""
-    print(f"{name}: {error}", file=sys.stderr, flush=True)
-    sys.exit(error.exit_code)

@@ -22,7 +22,7 @@ from runtime.bus.keys import Keys
 from runtime.bus.session import client
 from runtime.errors import PushlaneError
 from runtime.live.deck import Deck
-from runtime.live.host import fail
+from runtime.live.ends import fail
 from runtime.live.plan import Plan
 from runtime.live.split import Split
 from runtime.live.tape import Tape

@@ -14,7 +14,8 @@ from runtime.bus.session import client
 from runtime.errors import PushlaneError
 from runtime.guard import Guard
 from runtime.live.config import LiveConfig
-from runtime.live.host import LiveHost, fail, stop_on_signals
+from runtime.live.ends import fail, stop_on_signals
+from runtime.live.host import LiveHost
 from runtime.live.plan import Plan
 from runtime.messages import Snapshot
 from runtime.node import Node
