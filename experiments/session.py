@@ -97,6 +97,7 @@ def prepare(layers: Sequence[Layer]) -> Session:
 
     Raises:
         ConfigError, UnknownScene, UnknownObject, ObjectError: the configuration names something wrong.
+        BadUrl: a real base is to be reached at what is no address.
     """
     found = _section("sim", SimConfig, layers)
     for key, known in (("strategy", STRATEGIES), ("controller", CONTROLLERS)):
@@ -127,7 +128,10 @@ def _real(system: SystemConfig, sim: SimConfig, layers: Sequence[Layer]) -> Sess
             "opencv-camera: a real camera is like no other, so its calibration and mount have no default: expected "
             "sections [opencv-camera.calibration] and [opencv-camera.mount], see docs/camera.md"
         )
-    return Session(sim, _whole(nodes, [drawn, *layers]), _goal(sim, sim.goal or (0.0, 0.0)), nodes)
+    whole = _whole(nodes, [drawn, *layers])
+    for name in nodes:
+        registry.wire(name, nodes, whole.sections[name])  # what it cannot be joined to shows before anything starts
+    return Session(sim, whole, _goal(sim, sim.goal or (0.0, 0.0)), nodes)
 
 
 def _whole(nodes: Sequence[str], layers: Sequence[Layer]) -> Effective:

@@ -58,11 +58,11 @@ ODOMETRY = Topic("odometry", m.Odometry, rate=20, tolerances=(("pose", 0.02), ("
 SCAN = Topic("scan", m.LaserScan, rate=10, delivery=Delivery.LATEST, tolerances=(("ranges", 0.2),))
 RANGES = Topic("ranges", m.RangeArray, rate=20, delivery=Delivery.LATEST, tolerances=(("distance", 0.2),))
 STATUS = Topic("status", m.RobotStatus, rate=5, latched=True)
-# What a driver and its base say to each other over a wire; only where the base has one.
+# What a driver and its base say to each other over a wire; only where the base has one. Over HTTP as often as is set.
 SERIAL_SENT = Topic("serial/sent", m.SerialData, rate=50)
 SERIAL_RECEIVED = Topic("serial/received", m.SerialData, rate=50)
-HTTP_REQUEST = Topic("http/request", m.HttpRequest, rate=60)
-HTTP_ANSWER = Topic("http/answer", m.HttpAnswer, rate=60)
+HTTP_REQUEST = Topic("http/request", m.HttpRequest)
+HTTP_ANSWER = Topic("http/answer", m.HttpAnswer)
 # A camera's picture is drawn by the machine's graphics: where that differs, pictures do.
 IMAGE = Topic("image", m.CompressedImage, rate=10, delivery=Delivery.LATEST)
 DEPTH = Topic("depth", m.CompressedImage, rate=10, delivery=Delivery.LATEST)

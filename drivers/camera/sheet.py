@@ -43,11 +43,11 @@ def page(board: Board, resolution: float) -> tuple[Pixels, int]:
     return sheet, side
 
 
-def png(sheet: Pixels, board: Board, side: int) -> bytes:
-    """Return the sheet as PNG that says its scale: printed at 100 %, squares are as large as they are said to be."""
+def png(sheet: Pixels, density: float) -> bytes:
+    """Return the sheet as PNG that says its scale, pixels a metre: printed at 100 %, it is as large as it is to be."""
     _, encoded = cv2.imencode(".png", sheet)
     data = encoded.tobytes()
-    density = round(side / board.square)
+    density = round(density)
     body = b"pHYs" + struct.pack(">IIB", density, density, 1)
     chunk = struct.pack(">I", 9) + body + struct.pack(">I", zlib.crc32(body))
     return data[:_AFTER_HEADER] + chunk + data[_AFTER_HEADER:]

@@ -151,10 +151,34 @@ def draw(
     check_file(output)
     drawn, side = sheet.page(board, resolution)
     with writing(output):
-        output.write_bytes(sheet.png(drawn, board, side))
+        output.write_bytes(sheet.png(drawn, side / board.square))
     height, width = (1000 * pixels * board.square / side for pixels in drawn.shape)
     typer.echo(f"{output}: {sheet.described(board)}; the sheet has {width:.0f} x {height:.0f} mm")
     typer.echo(f"print at 100 %: a square has {side} pixels, the bar below the board 100 mm")
+
+
+@calibration.command()
+def tags(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the five pictures go.")],
+    cube: Annotated[float, typer.Option(metavar="M", min=0.02, max=1, help="Side of the cube, tracker.cube.")] = 0.14,
+    first: Annotated[int, typer.Option("--first", min=0, help="Id of the tag on top, tracker.first_tag.")] = 0,
+    dictionary: Annotated[str, typer.Option("--dictionary", help="tracker.dictionary, OpenCV's name.")] = "DICT_4X4_50",
+    resolution: Annotated[float, typer.Option("--dpi", min=30, max=2400, help="Dots an inch.")] = 300.0,
+) -> None:
+    """Draw the tags of the cube that stands on a pushed object, to print at 100 %, cut out and glue on.
+
+    The tops of the four on the sides are up; that of the one on top is where the front is.
+    """
+    from drivers.camera import sheet  # heavy
+    from drivers.camera.tags import FACES, face
+    from runtime.outputs import check_folder
+
+    drawn = [face(first + k, dictionary, cube, resolution) for k in range(len(FACES))]
+    check_folder(output)
+    for k, (name, (picture, density)) in enumerate(zip(FACES, drawn, strict=True)):
+        file = output / f"{k}-{name}.png"
+        file.write_bytes(sheet.png(picture, density))
+        typer.echo(f"{file}: tag {first + k} of {dictionary}, {1000 * cube:g} mm, its marker {750 * cube:g} mm")
 
 
 def _board(kind: str, columns: int, rows: int, square: float, marker: float, dictionary: str) -> Board:

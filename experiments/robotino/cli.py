@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import threading
 from enum import StrEnum
@@ -12,6 +13,7 @@ import typer
 
 from runtime.cli.options import Assignments, ConfigFile, layers
 from runtime.config.layers import ConfigError
+from runtime.outputs import check_file
 
 if TYPE_CHECKING:
     from drivers.robotino.health import Row
@@ -23,6 +25,8 @@ class Link(StrEnum):
     REST = "rest"
     SERIAL = "serial"
 
+
+_ADDRESS = re.compile(r"[\w-]+(\.[\w-]+)+(:\d+)?")
 
 robotino = typer.Typer(no_args_is_help=True, help="Look at a Robotino, or emulate one.")
 
@@ -49,19 +53,23 @@ def check(
     """
     from experiments.robotino import health
 
+    if _ADDRESS.fullmatch(where) and not Path(where).exists():
+        raise ConfigError(
+            f"{where}: expected http://{where} for a base over REST, or a serial device as in /dev/ttyACM0"
+        )
     over_rest = where.startswith("http")
     rows = _rows(where, over_rest, timeout)
     health.show(where, rows)
     lacking = health.lacks(rows, over_rest)
     if lacking:
-        typer.echo(f"a push needs these as well: {', '.join(lacking)}")
+        typer.echo(f"missing or wrong, before a push can begin: {', '.join(lacking)}")
     fit = not lacking
     if wiggle:
         if set(lacking) - {"laser"}:
             typer.echo("not moved: first what lacks")
             raise typer.Exit(1)
         if not yes and not typer.confirm(
-            "Is there half a metre of free floor before the base, and a hand on its switch?", default=False
+            "Is there half a metre of free floor before and behind the base, and a hand on its switch?", default=False
         ):
             typer.echo("not moved")
             raise typer.Exit(1)
@@ -99,6 +107,9 @@ def emulate(
         Path | None,
         typer.Option(metavar="FILE.toml", help="Write the system file of services that drive it.", show_default=False),
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the file of --system if it is there.")
+    ] = False,
     camera: Annotated[bool, typer.Option("--camera/--no-camera", help="Whether /cam0 has pictures.")] = True,
     config: ConfigFile = None,
     assignments: Assignments = None,
@@ -113,8 +124,8 @@ def emulate(
     session = prepare(layers(config, assignments))
     if session.effective.sections["system"].base != "simulated":  # type: ignore[attr-defined]
         raise ConfigError("system.base: expected simulated: an emulated base is one")
-    if system is not None and (system.exists() or not system.parent.is_dir()):
-        raise ConfigError(f"--system {system}: expected a new file in a folder that is there")
+    if system is not None:
+        check_file(system, replace=overwrite)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

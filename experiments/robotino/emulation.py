@@ -58,8 +58,10 @@ def run(session: Session, link: str, place: Place, wait: Callable[[float], bool]
             base = EmulatedServer(world, Restapid(idle=place.idle, volts=world.battery_voltage))
         else:
             base = EmulatedBoard(world, Board(volts=world.battery_voltage))
-            line = _opened(f"serial device {place.device}", lambda: PtyLine(base.far(), base.plant, link=place.device))
-            stack.enter_context(line)
+            line = _opened(
+                f"serial device {place.device}",
+                lambda: stack.enter_context(PtyLine(base.far(), base.plant, link=place.device)),
+            )
             yield f"serial device {place.device} ({line.device})"
         server = _opened(f"{place.address}:{place.port}", lambda: RestServer(base.handle, place.address, place.port))
         stack.enter_context(server)
@@ -68,11 +70,15 @@ def run(session: Session, link: str, place: Place, wait: Callable[[float], bool]
         stack.enter_context(base.running(camera))
         if place.system is not None:
             place.system.write_text(system(world, link, place, server.url))
-            yield f"wrote {place.system}: pushlane run {place.system}"
-        yield from introduced(world.scene, session.goal.position.x, session.goal.position.y)
+        yield from introduced(world.scene, session.goal.position.x, session.goal.position.y, place.system, server.url)
+        before = ""
         while not wait(_SAY_EVERY):
-            yield told(base.standing(), world.scene)
-        yield told(base.standing(), world.scene)
+            found = base.standing()
+            if (now := told(found, world.scene)) != before:
+                yield f"{found.seconds:7.1f} s: {now}"
+            before = now
+        found = base.standing()
+        yield f"{found.seconds:7.1f} s: {told(found, world.scene)}"
 
 
 def camera_of(world: SapienConfig) -> SapienCameraConfig:
@@ -95,6 +101,7 @@ def system(world: SapienConfig, link: str, place: Place, url: str) -> str:
     )
     return f"""\
 # The system that drives the emulated base: pushlane run this, pushlane camera feed {url}/cam0, pushlane push --to X Y
+# For a real base take deploy/robotino-{link}.toml: camera, laser and speeds are others there.
 [bus]
 robot = "emulated"
 
@@ -129,20 +136,32 @@ cube = {TAG_CUBE}
 height = {body.height}
 diameter = {body.diameter}
 
+# An emulated base hurts nobody; a real one goes at 0.1 m/s.
+[controller]
+speed = 0.3
+
+[strategy.predictive]
+speed = 0.3
+
 [task]
 strategy = "predictive"
 controller = "predictive"
 """
 
 
-def introduced(scene: Scene, x: float, y: float) -> Iterator[str]:
-    """Say where things are as the base's map will have it: it begins at the base."""
+def introduced(scene: Scene, x: float, y: float, file: Path | None, url: str) -> Iterator[str]:
+    """Say where things are as the base's map will have it, which begins at the base; and what to do with them."""
     thing = from_start(scene, scene.object.x, scene.object.y)
     goal = from_start(scene, x, y)
     yield (
-        f"as seen from where the base starts, its map's origin: object at ({thing[0]:.2f}, {thing[1]:.2f}) m; "
-        f"the scene's goal is pushlane push --to {goal[0]:.2f} {goal[1]:.2f}"
+        f"as seen from where the base starts, its map's origin: object at ({thing[0]:.2f}, {thing[1]:.2f}) m, "
+        f"the scene's goal at ({goal[0]:.2f}, {goal[1]:.2f}) m"
     )
+    if file is not None:
+        yield f"wrote {file}; in other terminals:"
+        yield f"  pushlane run {file}"
+        yield f"  pushlane camera feed {url}/cam0 --config {file}"
+        yield f"  pushlane push --to {goal[0]:.2f} {goal[1]:.2f} --config {file}"
 
 
 def told(found: Standing, scene: Scene) -> str:
@@ -150,7 +169,7 @@ def told(found: Standing, scene: Scene) -> str:
     robot, thing = from_start(scene, *found.robot[:2]), from_start(scene, *found.object[:2])
     speed = math.hypot(*found.twist[:2])
     return (
-        f"{found.seconds:7.1f} s: base at ({robot[0]:.2f}, {robot[1]:.2f}) m, {speed:.2f} m/s; "
+        f"base at ({robot[0]:.2f}, {robot[1]:.2f}) m, {speed:.2f} m/s; "
         f"object at ({thing[0]:.2f}, {thing[1]:.2f}) m{'; touches something' if found.hit else ''}"
     )
 

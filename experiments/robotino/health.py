@@ -34,6 +34,10 @@ _LONGEST = 3.0
 """s of a move"""
 _STOPPING = 1.0
 _DEADLINE = 0.2
+_LOOK = 0.5
+"""s to look at a base before it is moved"""
+_STILL, _CREPT, _ROOM = 0.02, 0.005, 0.15
+"""m/s and m that a base at rest may seem to move in that time; m that are to be free around it"""
 _OFF = 0.03
 """m that odometry may be off the way wanted: how far the base goes on while it brakes"""
 
@@ -69,14 +73,33 @@ def wiggle(where: str, over_rest: bool, say: Callable[[str], None]) -> bool:
             say(f"not moved: no odometry within {_UP:g} s")
             return False
         start = _along(base)
+        base.run(_LOOK)
+        if (refused := _hindered(base, start)) is not None:
+            say(f"not moved: {refused}")
+            return False
         there = _go(base, 1.0, start)
         back = _go(base, -1.0, start)
         status = base.last(topics.STATUS)
-    say(f"forward {1000 * (there - start):.0f} mm (50 wanted), then back to {1000 * (back - start):+.0f} mm")
-    if status is not None and status.bumper:
-        say("the bumper is pressed")
+    good = abs(there - start - _WAY) <= _OFF and abs(back - start) <= _OFF
+    way = f"forward {1000 * (there - start):.0f} mm (50 wanted), then back to {1000 * (back - start):+.0f} mm"
+    say(f"{way}, each within {1000 * _OFF:.0f} mm: {'as it should be' if good else 'NOT as it should be'}")
+    if status is not None and (status.bumper or status.link_down):
+        say("the bumper is pressed" if status.bumper else "the base was lost on the way")
         return False
-    return abs(there - start - _WAY) <= _OFF and abs(back - start) <= _OFF
+    return good
+
+
+def _hindered(base: Alone, start: float) -> str | None:
+    """Return why the base had better not be moved, by what it says of itself; None: nothing."""
+    odometry, ranges, status = base.last(topics.ODOMETRY), base.last(topics.RANGES), base.last(topics.STATUS)
+    assert odometry is not None
+    if abs(odometry.twist.vx) + abs(odometry.twist.vy) > _STILL or abs(odometry.pose.x - start) > _CREPT:
+        return "it moves already: something else drives it, which has to be stopped first"
+    if status is not None and status.bumper:
+        return "its bumper is pressed"
+    if ranges is not None and min(ranges.distance) < _ROOM:
+        return f"something is {min(ranges.distance):.2f} m from it, by its infra-red sensors; {_ROOM} m are needed"
+    return None
 
 
 def _along(base: Alone) -> float:

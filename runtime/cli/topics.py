@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from importlib import import_module
 from typing import Annotated
@@ -85,8 +87,16 @@ def echo(
     from runtime.sample import Sample
 
     def show(sample: Sample) -> None:
+        # On a thread of Zenoh's, where nobody hears of a reader that is gone.
+        try:
+            tell(sample)
+        except BrokenPipeError:
+            os._exit(1)
+
+    def tell(sample: Sample) -> None:
         text = MessageToString(message_type(sample.topic).FromString(sample.payload), as_one_line=True)
         typer.echo(f"{sample.topic} {sample.sequence} at {sample.time / 1e9:.3f} s: {text[:2000]}")
+        sys.stdout.flush()
 
     def silent() -> None:
         typer.echo(_why_silent(topic), err=True)

@@ -19,6 +19,7 @@ from tempfile import TemporaryDirectory
 
 import msgspec
 import zenoh
+from google.protobuf.message import DecodeError
 
 from runtime import topics
 from runtime.bus.config import BusConfig
@@ -32,6 +33,7 @@ from runtime.live.notify import Notifier
 from runtime.live.plan import Plan
 from runtime.live.roll import Roll
 from runtime.live.tape import RECORDER
+from runtime.messages import Log
 
 _START_LIMIT = 60.0
 _ANSWER_LIMIT = 2.0
@@ -138,6 +140,7 @@ class Launcher:
             plan_file.write_bytes(self._plan.encoded())
             declared = [
                 session.declare_subscriber(self._keys.topic("snapshot/*"), self._keep),
+                session.declare_subscriber(self._keys.topic("log/*"), self._pass_on),
             ]
             # Where the hub is a bare router, the launcher of the first service leads.
             tells = not self._led(session) and (not self._join or self._plan.nodes[0] in self._children)
@@ -268,6 +271,15 @@ class Launcher:
     def _keep(self, sample: zenoh.Sample) -> None:
         name = self._keys.name(str(sample.key_expr)).removeprefix(topics.snapshot("").name)
         self._snapshots[name] = bytes(sample.payload)
+
+    def _pass_on(self, sample: zenoh.Sample) -> None:
+        """Say what a service here warns of: who starts a system looks here first."""
+        try:
+            line = Log.FromString(bytes(sample.payload))
+        except DecodeError:
+            return
+        if line.name in self._children and line.level >= Log.Level.Value("WARNING"):
+            self._say(f"{line.name}: {line.message}")
 
     def _tell(self, query: zenoh.Query) -> None:
         query.reply(self._keys.session(), self._plan.encoded())

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.robotino.health import Row
-from drivers.robotino.plant import LaserReading
+from drivers.robotino.plant import IdealPlant, LaserReading
 from drivers.robotino.rest.config import RestConfig
 from drivers.robotino.rest.restapid import Restapid
 from drivers.robotino.rest.server import RestServer
@@ -36,6 +36,7 @@ from runtime.messages import Twist2, VelocityCommand
 from runtime.time import SECOND
 from tests.drivers.robotino.rest.base import Base
 
+MOUNT = {"x": 0.1, "z": 1.0, "pitch": 0.9}
 WORLD = prepare([Layer("test", {"sim": {"scene": "open", "object": "box", "seed": 3}})]).world
 
 
@@ -113,7 +114,36 @@ def test_a_wiggle_of_a_base_that_does_not_move_fails() -> None:
     base.plant.drive = lambda twist: None  # type: ignore[method-assign]
     with RestServer(base.handle) as far:
         assert not health.wiggle(far.url, True, said.append)
-    assert "forward 0 mm (50 wanted)" in said[0]
+    assert "forward 0 mm (50 wanted)" in said[0] and said[0].endswith("NOT as it should be")
+
+
+def test_a_base_that_moves_already_or_has_no_room_is_not_moved() -> None:
+    base, said = Base(Restapid(idle=0.5)), []
+    base.plant.distances = (0.41, 0.1, *[0.41] * 7)
+    with RestServer(base.handle) as far:
+        assert not health.wiggle(far.url, True, said.append)
+        assert said.pop() == "not moved: something is 0.10 m from it, by its infra-red sensors; 0.15 m are needed"
+        base.plant.distances = (0.41,) * 9
+        base.plant.reckoning.x, twist = 0.0, base.plant.twist
+        base.server.wish = base.server.shaped = (0.2, 0.0, 0.0)
+        base.plant.drive = lambda _: IdealPlant.drive(base.plant, (0.2, 0.0, 0.0))  # type: ignore[method-assign]
+        assert not health.wiggle(far.url, True, said.append)
+        assert twist == (0.0, 0.0, 0.0) and said.pop().startswith("not moved: it moves already")
+
+
+def test_an_address_without_a_scheme_is_not_taken_for_a_device() -> None:
+    invoked("--version")
+    with pytest.raises(ConfigError, match="expected http://172.26.1.1 for a base over REST"):
+        CliRunner().invoke(app, ["robotino", "check", "172.26.1.1"], catch_exceptions=False)
+
+
+def test_a_base_at_no_address_is_refused_before_anything_starts() -> None:
+    camera = {"calibration": {"width": 64, "height": 48, "focal": [50, 50], "centre": [32, 24]}, "mount": MOUNT}
+    tracker = {"diameter": 0.3}
+    values = {"system": {"base": "robotino-rest"}, "opencv-camera": camera, "tracker": tracker}
+    with pytest.raises(PushlaneError, match="url '127.0.0.1:8080', expected http://HOST"):
+        prepare([Layer("test", {**values, "robotino-rest": {"url": "127.0.0.1:8080"}})])
+    assert prepare([Layer("test", {**values, "robotino-rest": {"url": "http://127.0.0.1:8080"}})]).nodes
 
 
 def test_what_a_push_cannot_do_without_is_named() -> None:
@@ -135,7 +165,7 @@ def test_the_check_reads_everything_and_moves_nothing() -> None:
     base = Base()
     with RestServer(base.handle) as far:
         code, text = invoked("robotino", "check", far.url)
-        assert code == 1 and "a push needs these as well: laser" in text
+        assert code == 1 and "before a push can begin: laser" in text
         base.plant.scan = LaserReading(-1.0, 1.0, (1.0, 2.0, 3.0))
         code, text = invoked("robotino", "check", far.url)
     assert code == 0, text

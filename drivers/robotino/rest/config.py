@@ -24,7 +24,7 @@ class RestConfig(BaseConfig, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     url: Url = ""
     angular_speed: Annotated[float, Meta(gt=0, le=3, description="rad/s, most that it is told")] = radians(67)
     odometry_rate: Annotated[float, Meta(ge=8, le=20, description="Hz")] = 20.0
-    ranges_rate: Annotated[Rate, Meta(description="Hz, of the infra-red sensors; 0: not asked")] = 10.0
+    ranges_rate: Annotated[Rate, Meta(description="Hz, of the infra-red sensors; 0: not asked")] = 20.0
     bumper_rate: Annotated[Rate, Meta(description="Hz; 0: not asked")] = 10.0
     scan_rate: ScanRate = 10.0
     power_rate: Annotated[Rate, Meta(description="Hz, of the battery; 0: not asked")] = 1.0

@@ -67,7 +67,7 @@ def holders(path: str) -> list[str]:
             continue
         with suppress(OSError):
             if any(os.path.realpath(one) == real for one in (folder / "fd").iterdir()):
-                found.add((folder / "comm").read_text().strip() or folder.name)
+                found.add(f"{(folder / 'comm').read_text().strip()} (process {folder.name})")
     return sorted(found)
 
 

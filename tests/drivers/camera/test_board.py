@@ -32,7 +32,7 @@ def test_corners_are_found_where_the_sheet_has_them(board: Board) -> None:
 @pytest.mark.parametrize("board", [CHESSBOARD, CHARUCO], ids=lambda board: board.kind)
 def test_the_png_says_its_scale(board: Board) -> None:
     drawn, side = sheet.page(board, 300.0)
-    with Image.open(io.BytesIO(sheet.png(drawn, board, side))) as image:
+    with Image.open(io.BytesIO(sheet.png(drawn, side / board.square))) as image:
         image.load()
         assert image.size == drawn.shape[::-1]
         dots = image.info["dpi"][0]

@@ -104,7 +104,7 @@ def test_a_command_is_followed_and_the_odometry_is_the_bases() -> None:
         path: len([one for one in rig.requests if one.path == path]) / 4.3 for path in {r.path for r in rig.requests}
     }
     assert rates["/data/omnidrive"] == pytest.approx(20, abs=1)
-    assert rates["/data/distancesensorarray"] == pytest.approx(10, abs=1)
+    assert rates["/data/distancesensorarray"] == pytest.approx(20, abs=1)
     assert rates["/data/powermanagement"] == pytest.approx(1, abs=0.3)
     assert rig.statuses[-1].battery_voltage == 24.0 and not rig.statuses[-1].link_down
 
