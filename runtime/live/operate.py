@@ -116,9 +116,9 @@ def follow_push(
         finally:
             subscriber.undeclare()
     reason = f" ({status.reason})" if status.reason else ""
-    turned = f" and {math.degrees(status.yaw_left):.0f} degrees" if status.HasField("yaw_left") else ""
+    turned = f" and {math.degrees(status.yaw_left):.0f} degrees to turn" if status.HasField("yaw_left") else ""
     say(
-        f"{PushOutcome.Name(status.outcome)}{reason}: {status.distance_left:.3f} m{turned} left "
+        f"{PushOutcome.Name(status.outcome)}{reason}: {_left(status, 3)}{turned} "
         f"after {status.elapsed:.1f} s, "
         f"robot path {status.robot_path_length:.2f} m, object path {status.object_path_length:.2f} m"
     )
@@ -194,7 +194,12 @@ def _follow(news: _News, say: Callable[[str], None], show: Callable[[PushStatus,
         if show is None and status.elapsed - said >= _LINE_EVERY:
             said = status.elapsed
             phase = PushPhase.Name(status.phase).lower()
-            say(f"{status.elapsed:7.1f} s  {phase:<8}  {status.distance_left:5.2f} m left")
+            say(f"{status.elapsed:7.1f} s  {phase:<8}  {_left(status, 2)}")
+
+
+def _left(status: PushStatus, digits: int) -> str:
+    """Return in words how far the object is from its goal. An object that nobody has seen yet is at no distance."""
+    return f"{status.distance_left:.{digits}f} m left" if status.distance_left else "object not seen yet"
 
 
 def _ask(session: zenoh.Session, keys: Keys, name: str, message: Message) -> None:

@@ -13,15 +13,18 @@ from google.protobuf.message import Message
 
 from drivers.robotino.serial.config import SerialConfig
 from drivers.robotino.serial.service import RobotinoSerial
+from experiments.session import prepare
 from replays.recording import load
 from replays.replay import replay
 from runtime.bus import envelope
 from runtime.bus.config import BusConfig
 from runtime.bus.keys import Keys
 from runtime.bus.session import client, hub
+from runtime.config.layers import Layer
 from runtime.live.config import LiveConfig
 from runtime.live.graph import Graph
 from runtime.live.host import LiveHost
+from runtime.live.launcher import Launcher
 from runtime.live.wire import Bring
 from runtime.messages import SerialData
 from runtime.node import Node
@@ -109,3 +112,30 @@ def test_the_graph_names_the_host_of_a_wire_unless_a_double_is_in_the_system() -
     both = Graph.of(["emulated-serial", "robotino-serial"])
     assert "serial/received" not in both.outputs["robotino-serial"]
     assert "serial/received" in both.outputs["emulated-serial"]
+
+
+def test_what_a_service_warns_of_is_said_where_the_system_was_started() -> None:
+    """Nobody is at the base's address: without a word the system would look healthy."""
+    endpoint = free_endpoint()
+    camera = {"calibration": {"width": 64, "height": 48, "focal": [50, 50], "centre": [32, 24]}}
+    values = {
+        "system": {"base": "robotino-rest"},
+        "robotino-rest": {"url": "http://127.0.0.1:9"},
+        "opencv-camera": {**camera, "mount": {"x": 0.1, "z": 1.0, "pitch": 0.9}},
+        "tracker": {"diameter": 0.3},
+        "bus": {"robot": "nobody", "listen": [endpoint], "connect": [endpoint]},
+    }
+    session, lines = prepare([Layer("test", values)]), list[str]()
+    bus = session.effective.sections["bus"]
+    assert isinstance(bus, BusConfig)
+    launcher = Launcher(session.plan(), bus, ["robotino-rest"], say=lines.append)
+    thread = threading.Thread(target=launcher.run)
+    thread.start()
+    try:
+        end = time.monotonic() + 60.0
+        while not any("refused: /data/o" in one for one in lines) and time.monotonic() < end:
+            time.sleep(0.1)
+    finally:
+        launcher.stop()
+        thread.join(20.0)
+    assert any(one.startswith("robotino-rest: refused: /data/o") for one in lines), lines
