@@ -237,6 +237,14 @@ def test_while_the_bumper_is_pressed_the_base_stands_whatever_is_commanded() -> 
     assert rig.plant.twist == pytest.approx(WISH, abs=0.01), "and goes on"
 
 
+def test_at_the_first_answer_that_is_no_odometry_the_base_is_told_zero() -> None:
+    rig = driven()
+    since = rig.now
+    rig.trouble = lambda one: Response(500) if one.path == "/data/odometry" else None
+    rig.run(1.5)
+    assert rig.moving_after(since) < 0.05 + 0.02 + BRAKING, "not only when commands have become old"
+
+
 def test_a_velocity_waits_a_tenth_of_a_second_at_most_for_the_one_before() -> None:
     rig = driven(config=RestConfig(timeout=2.0))
     assert {one.timeout for one in rig.requests if one.method == "PUT"} == {SECOND // 10}

@@ -84,11 +84,13 @@ def test_a_command_that_is_not_renewed_stops_the_base() -> None:
     assert rig.service.state.gate.stale == 1
 
 
-def test_a_driver_that_hangs_is_stopped_by_the_board() -> None:
-    rig = driven()
+@pytest.mark.parametrize("later", [0.0, 0.04, 0.08])
+def test_a_driver_that_hangs_is_stopped_by_the_board(later: float) -> None:
+    """0.4 to 0.5 s after the last frame, by where in the board's tick that came; up to 20 ms before the driver hung."""
+    rig = driven(2.0 + later)
     rig.hung, since = True, rig.now
     rig.run(1.0)
-    assert 0.37 < rig.moving_after(since) <= 0.5
+    assert 0.38 < rig.moving_after(since) <= 0.5
     rig.hung = False
     rig.run(1.5)
     assert rig.plant.twist == pytest.approx(AROUND, abs=0.002), "and goes on"
