@@ -12,8 +12,9 @@ from drivers.robotino.faults import Faults
 from drivers.robotino.rest import shapes
 from drivers.robotino.rest.config import LaserConfig, RestConfig
 from drivers.robotino.rest.shapes import BadShape, ScanAnswer
+from drivers.robotino.rest.trouble import trouble
 from runtime import topics
-from runtime.messages import HttpAnswer, HttpFault, HttpRequest, LaserScan
+from runtime.messages import HttpAnswer, HttpRequest, LaserScan
 from runtime.service import Effects, Input, Output, Service, Timer, on
 from runtime.time import SECOND, Time, nanoseconds
 
@@ -90,22 +91,19 @@ class RobotinoLaser(Service):
         if answer.id != self.state.asked:
             return  # given up: too late to say what is so now
         self.state.asked = 0
-        if answer.fault != HttpFault.HTTP_OK:
-            yield from self._fault(HttpFault.Name(answer.fault).removeprefix("HTTP_").lower(), answer.reason, now)
-        elif answer.status != 200:
-            yield from self._fault(f"status {answer.status}", repr(answer.body[:80]), now)
-        elif not answer.body.strip():
-            yield from self._fault("no scan", "empty answer: does the laser's service run?", now)
+        wrong = trouble(answer, "no scan")
+        if wrong is not None:
+            yield from self._fault(*wrong, now)
         else:
             try:
                 found = shapes.scan(answer.body)
             except BadShape as error:
-                yield from self._fault("scan shape", str(error), now)
+                yield from self._fault("scan shape", f"{PATH}: {error}", now)
                 return
             if found.sequence != self.state.scanned:
                 self.state.scanned = found.sequence
                 yield self.scan(message(found, self.config, self.state.since))
 
     def _fault(self, kind: str, detail: str, now: Time) -> Effects:
-        for line in self.state.faults.note(kind, f"{PATH}: {detail}", now):
+        for line in self.state.faults.note(kind, detail, now):
             yield self.say(line, now, "WARNING")

@@ -16,6 +16,7 @@ from drivers.robotino.odometry import way
 from drivers.robotino.rest import laser, shapes
 from drivers.robotino.rest.config import RestConfig
 from drivers.robotino.rest.shapes import BadShape, OdometryAnswer
+from drivers.robotino.rest.trouble import trouble
 from runtime import topics
 from runtime.messages import HttpAnswer, HttpFault, HttpRequest
 from runtime.service import Effects, Input, Output, Publication, Timer, on
@@ -123,16 +124,12 @@ class RobotinoRest(RobotinoDriver):
             return  # of a request that was given up, or of nobody's: too late to say what is so now
         if answer.fault == HttpFault.HTTP_REPLACED:
             return
-        if answer.fault != HttpFault.HTTP_OK:
-            kind = HttpFault.Name(answer.fault).removeprefix("HTTP_").lower()
-            yield from self._fault(kind, f"{answer.path}: {answer.reason}", now)
-        elif answer.status != 200:
-            yield from self._fault(f"status {answer.status}", f"{answer.path}: {answer.body[:80]!r}", now)
+        # An empty answer is usual for a laser that is not there: counted, and no news.
+        wrong = trouble(answer, "" if lane == DRIVE else f"no {lane}")
+        if wrong is not None:
+            yield from self._fault(*wrong, now)
         elif lane == DRIVE:
             return
-        elif not answer.body.strip():
-            # Usual for a laser that is not there: counted, and no news.
-            yield from self._fault(f"no {lane}", f"{answer.path}: empty answer", now)
         elif now - asked > _STALE:
             yield from self._fault(f"late {lane}", f"{answer.path}: after {(now - asked) / SECOND:.2f} s", now)
         else:
