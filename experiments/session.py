@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 _SENSED = {
     "corridor": {"unknown": "free", "apart": True, "spare": 0.1, "steady": True, "threshold": 0.1, "object_speed": 0.4},
     "task": {"shared": True},
+    "strategy": {"predictive": {"margin": 0.04}},
+    "controller": {"barrier_margin": 0.04},
 }
 """Settings where all is seen from the robot: maps grow, are off by centimetres, and leave out object and robot."""
 
