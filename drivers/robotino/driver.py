@@ -10,7 +10,7 @@ from drivers.robotino.faults import Faults
 from drivers.robotino.gate import Gate
 from drivers.robotino.odometry import DeadReckoning
 from runtime import topics
-from runtime.messages import Alive, RangeArray, RobotStatus, VelocityCommand
+from runtime.messages import Alive, Charger, RangeArray, RobotStatus, VelocityCommand
 from runtime.service import Effects, Input, Output, Publication, Service, on
 from runtime.time import Time
 
@@ -20,7 +20,7 @@ class BaseState:
     """What either driver goes on from.
 
     Attributes:
-        bumper: pressed. battery: V. charging, low: as the base says.
+        bumper: pressed. battery: V. charging, low: as the base says. chargers: by number, as they said last.
     """
 
     gate: Gate = field(default_factory=Gate)
@@ -30,6 +30,7 @@ class BaseState:
     battery: float = 0.0
     charging: bool = False
     low: bool = False
+    chargers: dict[int, Charger] = field(default_factory=dict)
 
 
 class RobotinoDriver(Service):
@@ -104,6 +105,7 @@ class RobotinoDriver(Service):
                 commands_stale=gate.stale,
                 link_down=not self._works(),
                 faults=state.faults.messages(),
+                chargers=[one for _, one in sorted(state.chargers.items())],
             )
         )
 

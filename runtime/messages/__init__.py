@@ -8,7 +8,7 @@ from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 
-from runtime.messages.base_pb2 import Count, MotionLimits, Odometry, RangeArray, RobotStatus, VelocityCommand
+from runtime.messages.base_pb2 import Charger, Count, MotionLimits, Odometry, RangeArray, RobotStatus, VelocityCommand
 from runtime.messages.geometry_pb2 import Polyline, Pose2, Twist2, Vector2
 from runtime.messages.link_pb2 import HttpAnswer, HttpFault, HttpRequest, SerialData
 from runtime.messages.push_pb2 import (
@@ -46,6 +46,7 @@ __all__ = [
     "CancelRequest",
     "CompressedImage",
     "Corridor",
+    "Charger",
     "Count",
     "EntryKind",
     "FailureCause",

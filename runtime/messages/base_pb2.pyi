@@ -52,7 +52,7 @@ class MotionLimits(_message.Message):
     def __init__(self, speed: _Optional[float] = ..., angular_speed: _Optional[float] = ..., acceleration: _Optional[float] = ..., angular_acceleration: _Optional[float] = ..., lag: _Optional[float] = ...) -> None: ...
 
 class RobotStatus(_message.Message):
-    __slots__ = ("stamp", "bumper", "emergency_stop", "motors_enabled", "battery_voltage", "limits", "diameter", "commands_accepted", "commands_clamped", "commands_refused", "commands_stale", "charging", "battery_low", "link_down", "faults")
+    __slots__ = ("stamp", "bumper", "emergency_stop", "motors_enabled", "battery_voltage", "limits", "diameter", "commands_accepted", "commands_clamped", "commands_refused", "commands_stale", "charging", "battery_low", "link_down", "faults", "chargers")
     STAMP_FIELD_NUMBER: _ClassVar[int]
     BUMPER_FIELD_NUMBER: _ClassVar[int]
     EMERGENCY_STOP_FIELD_NUMBER: _ClassVar[int]
@@ -68,6 +68,7 @@ class RobotStatus(_message.Message):
     BATTERY_LOW_FIELD_NUMBER: _ClassVar[int]
     LINK_DOWN_FIELD_NUMBER: _ClassVar[int]
     FAULTS_FIELD_NUMBER: _ClassVar[int]
+    CHARGERS_FIELD_NUMBER: _ClassVar[int]
     stamp: int
     bumper: bool
     emergency_stop: bool
@@ -83,7 +84,22 @@ class RobotStatus(_message.Message):
     battery_low: bool
     link_down: bool
     faults: _containers.RepeatedCompositeFieldContainer[Count]
-    def __init__(self, stamp: _Optional[int] = ..., bumper: _Optional[bool] = ..., emergency_stop: _Optional[bool] = ..., motors_enabled: _Optional[bool] = ..., battery_voltage: _Optional[float] = ..., limits: _Optional[_Union[MotionLimits, _Mapping]] = ..., diameter: _Optional[float] = ..., commands_accepted: _Optional[int] = ..., commands_clamped: _Optional[int] = ..., commands_refused: _Optional[int] = ..., commands_stale: _Optional[int] = ..., charging: _Optional[bool] = ..., battery_low: _Optional[bool] = ..., link_down: _Optional[bool] = ..., faults: _Optional[_Iterable[_Union[Count, _Mapping]]] = ...) -> None: ...
+    chargers: _containers.RepeatedCompositeFieldContainer[Charger]
+    def __init__(self, stamp: _Optional[int] = ..., bumper: _Optional[bool] = ..., emergency_stop: _Optional[bool] = ..., motors_enabled: _Optional[bool] = ..., battery_voltage: _Optional[float] = ..., limits: _Optional[_Union[MotionLimits, _Mapping]] = ..., diameter: _Optional[float] = ..., commands_accepted: _Optional[int] = ..., commands_clamped: _Optional[int] = ..., commands_refused: _Optional[int] = ..., commands_stale: _Optional[int] = ..., charging: _Optional[bool] = ..., battery_low: _Optional[bool] = ..., link_down: _Optional[bool] = ..., faults: _Optional[_Iterable[_Union[Count, _Mapping]]] = ..., chargers: _Optional[_Iterable[_Union[Charger, _Mapping]]] = ...) -> None: ...
+
+class Charger(_message.Message):
+    __slots__ = ("number", "voltage", "current", "temperature", "state")
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    VOLTAGE_FIELD_NUMBER: _ClassVar[int]
+    CURRENT_FIELD_NUMBER: _ClassVar[int]
+    TEMPERATURE_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    number: int
+    voltage: float
+    current: float
+    temperature: _containers.RepeatedScalarFieldContainer[float]
+    state: str
+    def __init__(self, number: _Optional[int] = ..., voltage: _Optional[float] = ..., current: _Optional[float] = ..., temperature: _Optional[_Iterable[float]] = ..., state: _Optional[str] = ...) -> None: ...
 
 class Count(_message.Message):
     __slots__ = ("name", "value")

@@ -56,6 +56,7 @@ class Board:
         seen: x, y, theta, the plant's pose at the last step; None before the first.
         outputs, relays: bit masks. echoed: odometry that was set. bias, scale: of the gyro.
         decoder: of what comes in.
+        news: what the next answer also has: tags that nobody asked for, as those of chargers.
     """
 
     geometry: Geometry = ROBOTINO_3_4
@@ -80,6 +81,7 @@ class Board:
     bias: float = 0.0
     scale: float = 1.0
     decoder: Decoder = field(default_factory=Decoder)
+    news: list[Answer] = field(default_factory=list)
 
     def reset(self) -> None:
         """Begin as after power-up: counters at zero, nothing set, no traffic yet."""
@@ -142,7 +144,7 @@ class Board:
         power = Power(self.volts, 1.5, False, 1, 0, self.volts < 19.0, 60000)
         last = [tags.pack_power(power), (Tag.POWER_BUTTON, b"\0")]
         self._count(plant.pose)
-        kept, tail = list(answers), list(last)
+        kept, tail, self.news = [*answers, *self.news], list(last), []
         while True:
             payload = tags.packed([*kept, *tail])
             if len(payload) <= LONGEST and len(frame := encode(payload, LONGEST)) <= _RING:

@@ -19,9 +19,9 @@ from drivers.robotino.odometry import counted
 from drivers.robotino.serial import tags
 from drivers.robotino.serial.config import SerialConfig
 from drivers.robotino.serial.framing import Decoder, encode
-from drivers.robotino.serial.tags import BadTag, Gyro, MotorReadings, Power, Tag
+from drivers.robotino.serial.tags import BadTag, ChargerInfo, Gyro, MotorReadings, Power, Tag
 from runtime import topics
-from runtime.messages import SerialData
+from runtime.messages import Charger, SerialData
 from runtime.service import Effects, Input, Output, Publication, Timer, on
 from runtime.time import SECOND, Time
 
@@ -170,6 +170,7 @@ class RobotinoSerial(RobotinoDriver):
         power = tags.power(said[Tag.POWER_SOURCE_READINGS]) if Tag.POWER_SOURCE_READINGS in said else None
         gyro = tags.gyro(said[Tag.GYRO_Z_ANGLE]) if Tag.GYRO_Z_ANGLE in said else None
         bumper = tags.flag(Tag.BUMPER, said[Tag.BUMPER]) if Tag.BUMPER in said else state.bumper
+        chargers = [tags.charger(data) for tag, data in found if tag == Tag.CHARGER_INFO]
         was_silent = state.silent
         if motors is not None or not state.started:
             # Of a board that only complains nothing is known.
@@ -178,6 +179,8 @@ class RobotinoSerial(RobotinoDriver):
             yield from self._met(tags.text(said[Tag.HW_VERSION]), tags.text(said[Tag.SW_VERSION]), now)
         if power is not None:
             self._note(power)
+        for charger in chargers:
+            yield from self._charged(charger, now)
         if motors is not None and state.started:
             yield from self._moved(motors, gyro, now)
             if volts is not None and state.readings % _RANGES_EVERY == 1:
@@ -185,6 +188,17 @@ class RobotinoSerial(RobotinoDriver):
         if bumper != state.bumper or was_silent:
             state.bumper = bumper
             yield self._status(now)
+
+    def _charged(self, found: ChargerInfo, now: Time) -> Effects:
+        """Note what a charger says, and say it where its state is another."""
+        before = self.state.chargers.get(found.number)
+        self.state.chargers[found.number] = Charger(
+            number=found.number, voltage=found.volts, current=found.amperes, temperature=found.temperatures,
+            state=found.state,
+        )  # fmt: skip
+        if before is None or before.state != found.state:
+            words = f"charger {found.number}: {found.state}, {found.volts:.1f} V, {found.amperes:.1f} A {found.words}"
+            yield self.say(words.strip(), now, "WARNING" if "error" in found.state.lower() else "INFO")
 
     def _met(self, hardware: str, software: str, now: Time) -> Effects:
         state = self.state

@@ -87,6 +87,25 @@ class Power:
 
 
 @dataclass(frozen=True)
+class ChargerInfo:
+    """A charger: its number; V and A of its battery, degrees Celsius; its state and what it says, in words."""
+
+    number: int
+    volts: float
+    amperes: float
+    temperatures: tuple[float, float]
+    state: str
+    words: str
+
+
+CHARGER_STATES = (
+    "none", "idle", "monitor", "check battery", "no battery", "NTC error", "start", "stage 1", "stage 2", "stage 3",
+    "stage 4", "error", "unknown",
+)  # fmt: skip
+"""of tag 80, by number, as the manufacturer's host names them"""
+
+
+@dataclass(frozen=True)
 class Gyro:
     """Angle, rad, and rate, rad/s."""
 
@@ -98,6 +117,7 @@ _READINGS = struct.Struct("<4h4i4f")
 _DISTANCES = struct.Struct(f"<{COUNT}f")
 _POWER = struct.Struct("<ff4BI")
 _GYRO = struct.Struct("<ff")
+_CHARGER = struct.Struct("<BI4fB")
 _SPEED = struct.Struct("<Bh")
 _MOST_RPM = 32767
 
@@ -239,3 +259,24 @@ def _check(tag: Tag, data: bytes, length: int) -> None:
 def _finite(tag: Tag, numbers: Iterable[float]) -> None:
     if not all(map(isfinite, numbers)):
         raise BadTag(f"{tag.name} holds {tuple(numbers)}, expected finite numbers")
+
+
+def charger(data: bytes) -> ChargerInfo:
+    """Return what tag 80 says, which the board sends unasked.
+
+    Raises:
+        BadTag: it is too short, or a number is not finite.
+    """
+    if len(data) < _CHARGER.size:
+        raise BadTag(f"tag 80 with {len(data)} bytes, expected {_CHARGER.size} and a text")
+    number, _, volts, amperes, first, second, state = _CHARGER.unpack(data[: _CHARGER.size])
+    if not all(map(isfinite, (volts, amperes, first, second))):
+        raise BadTag(f"charger {number}: {volts} V, {amperes} A, {first} and {second} degrees, expected finite numbers")
+    name = CHARGER_STATES[state] if state < len(CHARGER_STATES) else f"state {state}"
+    return ChargerInfo(number, volts, amperes, (first, second), name, text(data[_CHARGER.size :]))
+
+
+def pack_charger(found: ChargerInfo) -> tuple[int, bytes]:
+    """Return tag 80, as a board sends it."""
+    numbers = (found.number, 0, found.volts, found.amperes, *found.temperatures, CHARGER_STATES.index(found.state))
+    return (Tag.CHARGER_INFO, _CHARGER.pack(*numbers) + found.words.encode())

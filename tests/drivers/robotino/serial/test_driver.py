@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from itertools import pairwise
 
 import numpy as np
@@ -198,6 +199,27 @@ def test_a_board_that_takes_no_positions_is_driven_all_the_same(monkeypatch: pyt
     rig.board.reset()
     rig.run(2.0)
     assert rig.faults("encoders") > 0, "what is driven by then is told from none"
+
+
+def test_what_a_charger_says_unasked_is_in_the_status_and_its_states_are_told() -> None:
+    rig = driven(0.2)
+    # By reference 2.4: u8 id, u32 time, 4 f32 (V, A, T1, T2), u8 state, text.
+    said = struct.pack("<BI4fB", 1, 1000, 27.5, 1.5, 24.0, 25.0, 7) + b"bulk"
+    rig.board.news = [(80, said), (80, struct.pack("<BI4fB", 0, 1000, 28.0, 0.0, 21.0, 22.0, 11))]
+    rig.run(0.5)
+    first, second = rig.statuses[-1].chargers
+    assert (first.number, first.state, second.number, second.state) == (0, "error", 1, "stage 1")
+    assert (second.voltage, second.current, list(second.temperature)) == (27.5, 1.5, [24.0, 25.0])
+    assert [one for one in rig.said if one.startswith("charger")] == [
+        "charger 1: stage 1, 27.5 V, 1.5 A bulk",
+        "charger 0: error, 28.0 V, 0.0 A",
+    ]
+    rig.board.news = [(80, said), (80, said[:10])]
+    rig.run(0.5)
+    assert rig.faults("tag") == 1 and len([one for one in rig.said if one.startswith("charger")]) == 2
+    again = RobotinoSerial(SerialConfig())
+    again.restore(rig.service.snapshot(), {})
+    assert again.state.chargers == rig.service.state.chargers  # type: ignore[attr-defined]
 
 
 def test_a_board_that_only_complains_is_no_link() -> None:
