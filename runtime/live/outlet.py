@@ -20,7 +20,8 @@ _PRIORITY = {
     "odometry": zenoh.Priority.REAL_TIME,
     "image": zenoh.Priority.DATA_LOW,
 }
-_LAST_WORDS = 0.5
+_LAST_WORDS = 1.2
+"""s at most: the launcher waits 1.5"""
 
 
 class Outlet:
