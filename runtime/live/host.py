@@ -100,7 +100,7 @@ class LiveHost:
                 self._loop()
             finally:
                 # Last words also where the loop broke off: a driver's are zero.
-                self._send(self._node.end(self._clock.now()))
+                self._outlet.send_last(self._node.end(self._clock.now()))
             self._outlet.see_off()
         finally:
             if self._wire is not None:

@@ -40,7 +40,7 @@ _ANSWER_LIMIT = 2.0
 _JOIN_PATIENCE = 10.0
 _LOOK_EVERY = 0.05
 _STOP_ORDER_PAUSE = 0.3
-_STOP_LIMIT = 1.5
+_STOP_LIMIT = 2.5
 _TAPE_LIMIT = 7.0
 """s for the recorder, which moves nothing, and has much to write where pictures are"""
 

@@ -36,6 +36,8 @@ from runtime.messages import Twist2, VelocityCommand
 from runtime.time import SECOND
 from tests.drivers.robotino.rest.base import Base
 
+pytestmark = pytest.mark.alone
+
 MOUNT = {"x": 0.1, "z": 1.0, "pitch": 0.9}
 WORLD = prepare([Layer("test", {"sim": {"scene": "open", "object": "box", "seed": 3}})]).world
 

@@ -27,6 +27,8 @@ from runtime.messages import Odometry, RangeArray, RobotStatus, Twist2, Velocity
 from runtime.time import SECOND
 from tests.figures import Figures
 
+pytestmark = pytest.mark.alone
+
 SPEED = 0.1
 STEP = 0.005
 LONG = 20.0

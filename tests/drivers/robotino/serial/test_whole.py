@@ -23,6 +23,8 @@ from tests.drivers.robotino.rig import BaseRig
 from tests.drivers.robotino.serial.bare import LONG
 from tests.figures import Figures
 
+pytestmark = pytest.mark.alone
+
 WISH = (0.2, 0.1, 0.4)
 
 
