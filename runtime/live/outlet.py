@@ -44,15 +44,14 @@ class Outlet:
     def send(self, samples: list[Sample]) -> None:
         """Send them, in order."""
         for sample in samples:
-            if self._wire is not None and sample.topic == self._wire.sends:
-                self._wire.carry(TOPICS[sample.topic].message.FromString(sample.payload))
+            self._carry(sample)
             self.publish(sample)
 
     def send_last(self, samples: list[Sample]) -> None:
-        """Send the last words: nobody can ask for them again, so here a full link is waited for."""
+        """Send the last words: nothing after them shows that they lack, so here a full link is waited for."""
         for sample in samples:
-            if self._wire is not None and sample.topic == self._wire.sends:
-                self._wire.carry(TOPICS[sample.topic].message.FromString(sample.payload))
+            self._carry(sample)
+            self._sent.add(sample)
             self._session.put(
                 self._keys.topic(sample.topic),
                 sample.payload,
@@ -60,6 +59,11 @@ class Outlet:
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 priority=_PRIORITY.get(sample.topic, zenoh.Priority.DATA),
             )
+
+    def _carry(self, sample: Sample) -> None:
+        """Give the wire what is its own."""
+        if self._wire is not None and sample.topic == self._wire.sends:
+            self._wire.carry(TOPICS[sample.topic].message.FromString(sample.payload))
 
     def publish(self, sample: Sample) -> None:
         """Send one over Zenoh only."""
