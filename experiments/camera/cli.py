@@ -1,4 +1,4 @@
-"""`pushlane camera feed`, `pushlane calibrate camera` and `pushlane calibrate board`."""
+"""`pushlane camera feed`, and `pushlane calibrate camera`, `board` and `tags`."""
 
 from __future__ import annotations
 
