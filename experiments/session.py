@@ -271,6 +271,7 @@ def _draw(sim: SimConfig) -> tuple[Layer, scene.Goal]:
             "base": msgspec.to_builtins(BaseModel()),
             "tagged": sim.tagged,
         },
+        "floor": {"sees": "depth" if room.camera.depth else "appearance"},
         "mapping": {
             "seed": words[4] >> 10,
             "start": [room.robot.x, room.robot.y, room.robot.yaw],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 _SKILL = ("corridor", "strategy", "learner", "controller", "task")
-SENSES = {"truth": ("perception",), "sensors": ("camera", "mapping", "tracker")}
+SENSES = {"truth": ("perception",), "sensors": ("camera", "floor", "mapping", "tracker")}
 BASES = {
     "direct": ("driver",),
     "serial": ("emulated-serial", "robotino-serial"),
@@ -14,7 +14,7 @@ SYSTEMS = {(sense, link): (*base, *SENSES[sense], *_SKILL) for sense in SENSES f
 """The services of a simulated session by perception and link, in scheduling order: it breaks ties between timers."""
 NODES = SYSTEMS["truth", "direct"]
 
-_REAL = ("opencv-camera", "mapping", "tracker", *_SKILL)
+_REAL = ("opencv-camera", "floor", "mapping", "tracker", *_SKILL)
 REAL = {
     "robotino-serial": ("robotino-serial", "robotino-laser", *_REAL),
     "robotino-rest": ("robotino-rest", *_REAL),

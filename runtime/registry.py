@@ -25,6 +25,7 @@ SERVICES: dict[str, str] = {
     "perception": "drivers.sapien.perception:TruthPerception",
     "opencv-camera": "drivers.camera.service:CameraService",
     "camera": "drivers.sapien.camera:SapienCamera",
+    "floor": "services.floor.service:FloorService",
     "mapping": "services.mapping.service:MappingService",
     "tracker": "services.tracker.service:TrackerService",
     "corridor": "services.corridor.service:CorridorService",

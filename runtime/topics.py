@@ -69,6 +69,7 @@ DEPTH = Topic("depth", m.CompressedImage, rate=10, delivery=Delivery.LATEST)
 CALIBRATION = Topic("calibration", m.CameraCalibration, latched=True)
 CAMERA_MOUNT = Topic("camera/mount", m.FrameTransform, latched=True)
 IMAGE_ANNOTATIONS = Topic("image/annotations", m.ImageAnnotations, rate=10, delivery=Delivery.LATEST)
+SEEN_FLOOR = Topic("floor", m.SeenFloor, rate=5, delivery=Delivery.LATEST)
 ROBOT_POSE = Topic("robot/pose", m.RobotPose, rate=20, delivery=Delivery.LATEST)
 MAP = Topic("map", m.OccupancyGrid, latched=True)
 OBJECT_STATE = Topic("object/state", m.ObjectState, rate=20, delivery=Delivery.LATEST)
@@ -97,6 +98,7 @@ _TABLE: tuple[Topic[Any], ...] = (
     CALIBRATION,
     CAMERA_MOUNT,
     IMAGE_ANNOTATIONS,
+    SEEN_FLOOR,
     ROBOT_POSE,
     MAP,
     OBJECT_STATE,

@@ -38,7 +38,7 @@ from runtime.messages.session_pb2 import (
     Request,
     Snapshot,
 )
-from runtime.messages.world_pb2 import ObjectState, OccupancyGrid, RobotPose, Truth, Visibility
+from runtime.messages.world_pb2 import ObjectState, OccupancyGrid, RobotPose, SeenFloor, Truth, Visibility
 
 __all__ = [
     "Alive",
@@ -84,6 +84,7 @@ __all__ = [
     "Request",
     "RobotPose",
     "RobotStatus",
+    "SeenFloor",
     "SerialData",
     "Snapshot",
     "Truth",

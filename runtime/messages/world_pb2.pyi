@@ -49,6 +49,22 @@ class ObjectState(_message.Message):
     visibility: Visibility
     def __init__(self, stamp: _Optional[int] = ..., position: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., yaw: _Optional[float] = ..., diameter: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., yaw_variance: _Optional[float] = ..., visibility: _Optional[_Union[Visibility, str]] = ...) -> None: ...
 
+class SeenFloor(_message.Message):
+    __slots__ = ("stamp", "position", "bearing", "first", "last", "met")
+    STAMP_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    BEARING_FIELD_NUMBER: _ClassVar[int]
+    FIRST_FIELD_NUMBER: _ClassVar[int]
+    LAST_FIELD_NUMBER: _ClassVar[int]
+    MET_FIELD_NUMBER: _ClassVar[int]
+    stamp: int
+    position: _geometry_pb2.Vector2
+    bearing: _containers.RepeatedScalarFieldContainer[float]
+    first: _containers.RepeatedScalarFieldContainer[float]
+    last: _containers.RepeatedScalarFieldContainer[float]
+    met: _containers.RepeatedScalarFieldContainer[bool]
+    def __init__(self, stamp: _Optional[int] = ..., position: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., bearing: _Optional[_Iterable[float]] = ..., first: _Optional[_Iterable[float]] = ..., last: _Optional[_Iterable[float]] = ..., met: _Optional[_Iterable[bool]] = ...) -> None: ...
+
 class OccupancyGrid(_message.Message):
     __slots__ = ("stamp", "version", "resolution", "width", "height", "origin", "cells")
     STAMP_FIELD_NUMBER: _ClassVar[int]

@@ -61,6 +61,10 @@ class Noise:
         return np.diag([place**2, place**2, angle**2])
 
 
+_SINCE = Noise(least=0.0, least_turn=0.0)
+"""That of the odometry between matches."""
+
+
 @dataclass
 class Particles:
     """P particles.
@@ -90,6 +94,25 @@ class Particles:
         """Return the weights, (P,), which add up to 1."""
         weights = np.exp(self.log_weights - self.log_weights.max())
         return np.asarray(weights / weights.sum())
+
+    def covariance(self, step: Array, least: Array) -> Array:
+        """Return the covariance of the pose after a step, (3,), from the best particle's: (3, 3), map frame.
+
+        Args:
+            step: of the odometry since the last match.
+            least: (3, 3), of that match, what particles that agree do not know of.
+        """
+        best = self.poses[self.best]
+        here = compose(best, step)
+        off = self.poses - best
+        off[:, 2] = [wrap(float(angle)) for angle in off[:, 2]]
+        # A heading that is off carries the robot aside on its way since the match; the odometry errs on that way too.
+        lever = np.eye(3)
+        lever[:2, 2] = best[1] - here[1], here[0] - best[0]
+        c, s = math.cos(best[2]), math.sin(best[2])
+        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        since = turned @ _SINCE.covariance(step) @ turned.T
+        return np.asarray(lever @ ((self.weights[:, None] * off).T @ off + least) @ lever.T + since)
 
     def move(self, step: Array, noise: Noise, scan: Scan) -> None:
         """Take a step of the odometry, (3,), base frame, and the scan after it."""

@@ -119,16 +119,17 @@ class Maps:
         Args:
             pose: (3,), m and rad, of the base on the map.
             ends: (N, 2), m, base frame, of the beams; returned: (N,), whether something is there.
-            start: (2,), m, base frame: the sensor.
+            start: (2,) or (N, 2), m, base frame: the sensor, or where each beam begins to be seen.
             cap: visits that a cell remembers at most: what came before fades.
         """
         if not len(ends):
             return
         c, s = np.cos(pose[2]), np.sin(pose[2])
         turned = np.array([[c, s], [-s, c]])
-        there, origin = ends @ turned + pose[:2], start @ turned + pose[:2]
-        low = np.minimum(there.min(axis=0), origin) - 2 * RESOLUTION
-        high = np.maximum(there.max(axis=0), origin) + 2 * RESOLUTION
+        there = ends @ turned + pose[:2]
+        starts = np.array(np.broadcast_to(start @ turned + pose[:2], there.shape), order="C")
+        low = np.minimum(there.min(axis=0), starts.min(axis=0)) - 2 * RESOLUTION
+        high = np.maximum(there.max(axis=0), starts.max(axis=0)) + 2 * RESOLUTION
         self.cover(low, high)
         span = np.ceil((high - low) / (RESOLUTION * SIDE)).astype(int) + 1
         missing = int(span.prod()) - int((self.owners == 0).sum())
@@ -136,7 +137,7 @@ class Maps:
             more = max(missing, len(self.owners) // 2)
             self.cells = np.concatenate([self.cells, np.zeros((more, SIDE, SIDE, CELL), np.float32)])
             self.owners = np.concatenate([self.owners, np.zeros(more, np.int32)])
-        _draw(self.cells, self.owners, self.index[particle], *self.corner, there, returned, origin, cap)
+        _draw(self.cells, self.owners, self.index[particle], *self.corner, there, returned, starts, cap)
 
     def wipe(self, particle: int, centre: Array, radius: float) -> None:
         """Forget what stands within `radius` m of `centre`, (2,), m, on the map of a particle that shares no tiles."""
@@ -151,6 +152,11 @@ class Maps:
             tile = self.index[particle, v // SIDE, u // SIDE]
             if tile >= 0:
                 self.cells[tile, v % SIDE, u % SIDE, [HITS, ENDS]] = 0.0
+
+    def stands(self, particle: int, places: Array, within: int) -> NDArray[np.bool_]:
+        """Return whether a cell at most `within` cells from each place, (N, 2), m, map frame, is occupied, (N,)."""
+        at = np.floor(places / RESOLUTION).astype(np.int64) - np.array(self.corner) * SIDE
+        return _stands(self.cells, self.index[particle], at, within)
 
     def take(self, chosen: NDArray[np.int64]) -> None:
         """Replace the particles' maps by those of the particles `chosen`, (P,)."""
@@ -190,6 +196,19 @@ class Maps:
         return shown.reshape(h * SIDE, w * SIDE), corner * (SIDE * RESOLUTION)
 
 
+@njit("b1[::1](f4[:,:,:,::1],i4[:,::1],i8[:,::1],i8)", cache=True)
+def _stands(cells: Tiles, index: Indices, places: NDArray[np.int64], within: int) -> NDArray[np.bool_]:
+    found = np.zeros(len(places), np.bool_)
+    for k in range(len(places)):
+        for j in range(max(places[k, 1] - within, 0), min(places[k, 1] + within + 1, len(index) * SIDE)):
+            for i in range(max(places[k, 0] - within, 0), min(places[k, 0] + within + 1, len(index[0]) * SIDE)):
+                tile = index[j // SIDE, i // SIDE]
+                if tile >= 0:
+                    cell = cells[tile, j % SIDE, i % SIDE]
+                    found[k] |= cell[HITS] > 0.0 and cell[HITS] >= OCCUPIED * cell[VISITS]
+    return found
+
+
 @njit("i8(i4[::1],i8)", cache=True)
 def _free(owners: Indices, first: int) -> int:
     while owners[first] != 0:
@@ -197,18 +216,19 @@ def _free(owners: Indices, first: int) -> int:
     return first
 
 
-@njit("u1[:,::1](f8[:,::1],b1[::1],f8,f8,i8,i8,i8,i8)", cache=True)
+@njit("u1[:,::1](f8[:,::1],b1[::1],f8[:,::1],i8,i8,i8,i8)", cache=True)
 def _touched(
-    ends: Array, returned: NDArray[np.bool_], sx: float, sy: float, low_i: int, high_i: int, low_j: int, high_j: int
+    ends: Array, returned: NDArray[np.bool_], starts: Array, low_i: int, high_i: int, low_j: int, high_j: int
 ) -> NDArray[np.uint8]:
-    """Return which cells beams from (sx, sy) touch, (high_j - low_j + 1, high_i - low_i + 1): FREE, PASSED or HIT.
+    """Return which cells beams touch, (high_j - low_j + 1, high_i - low_i + 1): FREE, PASSED or HIT.
 
     Args:
-        ends: (N, 2), in cells, as are sx and sy; within the bounds.
+        ends, starts: (N, 2), in cells; within the bounds.
     """
     touched = np.zeros((high_j - low_j + 1, high_i - low_i + 1), np.uint8)
     for k in range(len(ends)):
         # From cell to cell along the beam (Amanatides and Woo 1987).
+        sx, sy = starts[k, 0], starts[k, 1]
         i, j, last_i, last_j = int(sx), int(sy), int(ends[k, 0]), int(ends[k, 1])
         dx, dy = ends[k, 0] - sx, ends[k, 1] - sy
         step_i, step_j = 1 if dx > 0 else -1, 1 if dy > 0 else -1
@@ -232,21 +252,22 @@ def _touched(
     return touched
 
 
-@njit("void(f4[:,:,:,::1],i4[::1],i4[:,::1],i8,i8,f8[:,::1],b1[::1],f8[::1],f8)", cache=True)
+@njit("void(f4[:,:,:,::1],i4[::1],i4[:,::1],i8,i8,f8[:,::1],b1[::1],f8[:,::1],f8)", cache=True)
 def _draw(
     cells: Tiles, owners: Indices, index: Indices, corner_x: int, corner_y: int,
-    ends: Array, returned: NDArray[np.bool_], origin: Array, cap: float,
+    ends: Array, returned: NDArray[np.bool_], starts: Array, cap: float,
 ) -> None:  # fmt: skip
     """Draw beams, once for each cell that they touch; where some end and others pass, they end."""
     x0, y0 = corner_x * SIDE * RESOLUTION, corner_y * SIDE * RESOLUTION
-    sx, sy = (origin[0] - x0) / RESOLUTION, (origin[1] - y0) / RESOLUTION
-    scaled = np.empty_like(ends)
-    low_i, high_i, low_j, high_j = int(sx), int(sx), int(sy), int(sy)
+    scaled, begun = np.empty_like(ends), np.empty_like(ends)
     for k in range(len(ends)):
         scaled[k, 0], scaled[k, 1] = (ends[k, 0] - x0) / RESOLUTION, (ends[k, 1] - y0) / RESOLUTION
-        i, j = int(scaled[k, 0]), int(scaled[k, 1])
-        low_i, high_i, low_j, high_j = min(low_i, i), max(high_i, i), min(low_j, j), max(high_j, j)
-    touched = _touched(scaled, returned, sx, sy, low_i, high_i, low_j, high_j)
+        begun[k, 0], begun[k, 1] = (starts[k, 0] - x0) / RESOLUTION, (starts[k, 1] - y0) / RESOLUTION
+    low_i = int(min(scaled[:, 0].min(), begun[:, 0].min()))
+    high_i = int(max(scaled[:, 0].max(), begun[:, 0].max()))
+    low_j = int(min(scaled[:, 1].min(), begun[:, 1].min()))
+    high_j = int(max(scaled[:, 1].max(), begun[:, 1].max()))
+    touched = _touched(scaled, returned, begun, low_i, high_i, low_j, high_j)
     free = 0
     for j in range(len(touched)):
         for i in range(len(touched[0])):

@@ -9,13 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import topics
-from runtime.messages import LaserScan, ObjectState, OccupancyGrid, Odometry, Pose2, RobotPose, Vector2, Visibility
+from runtime.messages import (
+    LaserScan,
+    ObjectState,
+    OccupancyGrid,
+    Odometry,
+    Pose2,
+    RobotPose,
+    SeenFloor,
+    Vector2,
+    Visibility,
+)
 from runtime.service import Effects, Input, Output, Publication, Service, on
 from runtime.time import SECOND, Time, nanoseconds
-from services.geometry.angles import wrap
 from services.geometry.pose import History, between, compose
 from services.mapping.config import MappingConfig
 from services.mapping.filter import Noise, Particles
+from services.mapping.floor import BadFloor, Seen
 from services.mapping.globally import locate
 from services.mapping.grid import RESOLUTION, Maps, off_cells
 from services.mapping.scan import Scan
@@ -30,9 +40,10 @@ of them share; this is what is left on rounds through rooms (docs/mapping.md).""
 _LEAST_KNOWN = np.diag([0.02**2, 0.02**2, 0.005**2])
 """The same of a map that was made before: its surfaces are anywhere within cells of 0.05 m, and so is what is drawn
 over them by a robot that was located in it."""
-_SINCE = Noise(least=0.0, least_turn=0.0)
 _CARRIED = 0.3
 """m from where the object was seen last at which it was carried, not pushed"""
+_EXPLAINED = 2
+"""cells from what stands on the map within which what the camera meets is taken for that"""
 _RIM = 0.04
 """m around the object within which what was drawn is taken for it"""
 
@@ -82,6 +93,7 @@ class MappingService(Service):
     scan = Input(topics.SCAN)
     object = Input(topics.OBJECT_STATE)
     status = Input(topics.STATUS)
+    floor = Input(topics.SEEN_FLOOR)
     pose = Output(topics.ROBOT_POSE)
     map = Output(topics.MAP)
 
@@ -190,6 +202,29 @@ class MappingService(Service):
         if not state.version or now - state.published >= nanoseconds(config.map_period):
             yield from self._show(now)
 
+    @on(floor)
+    def looked_down(self, floor: SeenFloor, now: Time) -> Effects:
+        """Draw what the camera sees of the floor on the published map: what stands behind the object is met by no beam.
+
+        Poses are not found with it. Where something stands on the map already, laser or plan have it more exactly.
+        """
+        state = self.state
+        if state.matched is None or floor.stamp < state.odometry.stamps[0]:
+            return
+        try:
+            seen = Seen.of(floor)
+        except BadFloor as error:
+            yield self.say(f"floor left out: {error}", now, "WARNING")
+            return
+        step = between(state.at_match, state.odometry.at(floor.stamp))
+        pose = compose(state.particles.poses[state.particles.best], step)
+        thing = self._thing(floor.stamp, pose)
+        told = state.shown.stands(0, seen.on_map(pose), _EXPLAINED)
+        if thing is not None:
+            told |= seen.of_thing(*thing)
+        seen = seen.shortened(seen.met & told, (_EXPLAINED + 1) * RESOLUTION)
+        state.shown.draw(0, pose, seen.lasts, seen.met, seen.firsts, self.config.shown_memory)
+
     def _found(self, scan: Scan) -> Array | None:
         """Return where on the known map a scan was taken, (3,), by this scan alone; None: nowhere."""
         if self.config.known is None:
@@ -207,33 +242,31 @@ class MappingService(Service):
         foreign = np.ones(len(ranges), np.bool_)
         if self.status is not None:
             foreign &= np.hypot(*ends.T) > 0.5 * self.status.diameter
-        if self.state.object is not None and self.state.object.visibility != Visibility.LOST:
-            thing = self.state.object
-            dx, dy = (thing.position.x, thing.position.y) - self._shift[:2] - pose[:2]
-            c, s = math.cos(pose[2]), math.sin(pose[2])
-            off = ends - (c * dx + s * dy, -s * dx + c * dy)
-            # It may have been pushed on since it was seen.
-            late = max(_stamp(message) - thing.stamp, 0) / SECOND * self.config.object_speed
-            foreign &= np.hypot(*off.T) > 0.5 * thing.diameter + self.config.object_margin + late
+        thing = self._thing(_stamp(message), pose)
+        if thing is not None:
+            foreign &= np.hypot(*(ends - thing[0]).T) > thing[1]
         config = self.config
         return Scan.of(ranges[foreign], angles[foreign], mount, config.furthest, config.nothing)
 
+    def _thing(self, stamp: Time, pose: Array) -> tuple[Array, float] | None:
+        """Return where the pushed object may be at `stamp`: centre, (2,), base frame, `pose` being the robot's, radius.
+
+        None where nobody knows.
+        """
+        thing = self.state.object
+        if thing is None or thing.visibility == Visibility.LOST:
+            return None
+        dx, dy = (thing.position.x, thing.position.y) - self._shift[:2] - pose[:2]
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        # It may have been pushed on since it was seen.
+        late = max(stamp - thing.stamp, 0) / SECOND * self.config.object_speed
+        return np.array((c * dx + s * dy, -s * dx + c * dy)), 0.5 * thing.diameter + self.config.object_margin + late
+
     def _where(self, odometry_pose: Array, odometry: Odometry) -> Publication:
         state, particles = self.state, self.state.particles
-        best, step = particles.poses[particles.best], between(state.at_match, odometry_pose)
-        here = compose(best, step)
-        x, y, theta = here + self._shift
-        weights = particles.weights
-        off = particles.poses - best
-        off[:, 2] = [wrap(float(angle)) for angle in off[:, 2]]
-        # A heading that is off carries the robot aside on its way since the match; the odometry errs on that way too.
-        lever = np.eye(3)
-        lever[:2, 2] = best[1] - here[1], here[0] - best[0]
-        c, s = math.cos(best[2]), math.sin(best[2])
-        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        since = turned @ _SINCE.covariance(step) @ turned.T
-        least = _LEAST if self.config.known is None else _LEAST_KNOWN
-        covariance = lever @ ((weights[:, None] * off).T @ off + least) @ lever.T + since
+        step = between(state.at_match, odometry_pose)
+        x, y, theta = compose(particles.poses[particles.best], step) + self._shift
+        covariance = particles.covariance(step, _LEAST if self.config.known is None else _LEAST_KNOWN)
         return self.pose(
             RobotPose(
                 stamp=odometry.stamp,

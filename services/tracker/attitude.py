@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.camera import Camera
 from services.tracker.layout import Tag, square
+from services.vision.camera import Camera
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from services.tracker.floor_view import FloorView
+from services.vision.floor_view import FloorView
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

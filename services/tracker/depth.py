@@ -7,66 +7,28 @@ things, so that their far sides are seen as well; of what is higher than the cam
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from services.tracker.camera import Camera, Mount
 from services.tracker.circle import smallest_circle
-from services.tracker.plane import NOISE, Plane, deviation, find_plane, refined
 from services.tracker.region import Region, along_and_across
+from services.vision.plane import NOISE, Plane, deviation
+from services.vision.rising import LOWEST, DepthEye
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int32]
 
-LOWEST, HIGHEST = 0.015, 1.0
+HIGHEST = 1.0
 """m above the plane"""
 GAP = 0.015
 """m on the plane that a thing may have between two pixels, beside what a pixel covers"""
 FEWEST = 40
 """pixels of a thing"""
-_MOUNT_SLACK = 0.06
-"""m that the floor may be off where the mount has it"""
 _NEIGHBOURS = 3
 """neighbours that a pixel must have in its piece to count for the footprint: at edges depths are mixed"""
-
-
-@dataclass(frozen=True)
-class DepthEye:
-    """A depth camera and the directions of its pixels, (H, W, 3), camera frame, z = 1."""
-
-    camera: Camera
-    rays: Array
-
-    @classmethod
-    def of(cls, camera: Camera) -> DepthEye:
-        """Return the eye of a camera."""
-        v, u = np.mgrid[: camera.height, : camera.width]
-        rays = camera.rays(np.column_stack([u.ravel(), v.ravel()]).astype(np.float64))
-        return cls(camera, rays.reshape(camera.height, camera.width, 3))
-
-
-def support(eye: DepthEye, depth: Array, mount: Mount | None = None) -> Plane:
-    """Return the plane that things stand on.
-
-    Args:
-        depth: (H, W), m, along the camera's axis; 0 or NaN: nothing measured.
-        mount: the floor is near where it says; None: it is the largest plane that does not stand upright.
-
-    Raises:
-        NoPlane: too little was measured.
-    """
-    # Every second row and column are enough for a plane.
-    coarse = depth[::2, ::2]
-    measured = coarse > 0.0
-    points = eye.rays[::2, ::2][measured] * coarse[measured][:, None]
-    if mount is None:
-        return Plane.of(*find_plane(points))
-    prior = Plane.floor(mount)
-    return Plane.of(*refined(points, prior.normal, prior.offset, _MOUNT_SLACK), mount)
 
 
 def things(eye: DepthEye, depth: Array, plane: Plane) -> list[Region]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.camera import Camera
+from services.vision.camera import Camera
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]

@@ -9,20 +9,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.appearance import FloorModel
-from services.tracker.camera import Camera, Mount
 from services.tracker.config import TrackerConfig
-from services.tracker.depth import DepthEye, support, things
-from services.tracker.floor_view import Body, FloorView
+from services.tracker.depth import things
 from services.tracker.footprint import placed_by_top
 from services.tracker.layout import cube
 from services.tracker.outline import circle
-from services.tracker.plane import NoPlane
 from services.tracker.pose import Belief, standing
 from services.tracker.region import Region
 from services.tracker.segment import Sought, by_colour, continued, faced
 from services.tracker.sight import placed
 from services.tracker.tags import dictionary, finder
+from services.vision.appearance import FloorModel
+from services.vision.camera import Camera, Mount
+from services.vision.floor_view import Body, FloorView
+from services.vision.plane import NoPlane
+from services.vision.rising import DepthEye, support
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8] | NDArray[np.uint16]

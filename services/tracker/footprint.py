@@ -29,8 +29,8 @@ from scipy.optimize import nnls
 
 from services.tracker.circle import smallest_circle
 from services.tracker.contact import BIN, Contour
-from services.tracker.floor_view import SHRINK, FloorView
 from services.tracker.region import Region, along_and_across
+from services.vision.floor_view import SHRINK, FloorView
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
 from runtime.messages import ImageAnnotations, PointsAnnotation
-from services.tracker.camera import Camera, Mount
+from services.vision.camera import Camera, Mount
 
 Array = NDArray[np.float64]
 

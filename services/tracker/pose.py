@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from services.geometry.angles import difference, wrap
 from services.tracker.attitude import planar
-from services.tracker.camera import Camera, Mount
 from services.tracker.layout import Layout, Tag
 from services.tracker.sight import Sight, placed
 from services.tracker.tags import Tags
+from services.vision.camera import Camera, Mount
 
 Array = NDArray[np.float64]
 

@@ -8,13 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.appearance import FloorModel, Picture, colours, floor_colours, learn, standing
 from services.tracker.contact import contours
-from services.tracker.floor_view import FloorView
 from services.tracker.footprint import footprint
 from services.tracker.region import Region
+from services.vision.appearance import FloorModel, Picture, colours, floor_colours, learn, standing
+from services.vision.floor_view import FloorView
 
 Array = NDArray[np.float64]
+
+
+_STRAIGHT = 0.17
+"""rad to either side that are straight ahead: who puts a base before an object aims no better"""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,10 @@ def by_colour(view: FloorView, model: FloorModel, picture: Picture, free: Array)
 
 
 def faced(regions: list[Region], sought: Sought) -> Region | None:
-    """Return the nearest thing ahead that can be the object and of which all is seen; None: there is none."""
+    """Return the thing that the base faces, if it can be the object and all of it is seen; None: there is none.
+
+    The nearest one straight ahead, and where nothing stands there the nearest one in the cone.
+    """
     ahead = [
         one
         for one in regions
@@ -58,7 +65,7 @@ def faced(regions: list[Region], sought: Sought) -> Region | None:
         and abs(math.atan2(one.centre[1], one.centre[0])) <= sought.cone
         and np.hypot(*one.centre) <= sought.farthest
     ]
-    return min(ahead, key=lambda one: float(np.hypot(*one.centre)) - one.diameter / 2.0, default=None)
+    return min(ahead, key=lambda one: (not _straight(one), _far(one)), default=None)
 
 
 def continued(regions: list[Region], sought: Sought, expected: Array, gate: float) -> Region | None:
@@ -69,6 +76,17 @@ def continued(regions: list[Region], sought: Sought, expected: Array, gate: floa
     """
     near = [one for one in regions if _fits(one, sought) and np.hypot(*(one.centre - expected)) <= gate]
     return min(near, key=lambda one: float(np.hypot(*(one.centre - expected))), default=None)
+
+
+def _straight(region: Region) -> bool:
+    """Return whether a thing stands straight ahead of the base."""
+    x, y = (float(one) for one in region.centre)
+    return abs(math.atan2(y, x)) <= _STRAIGHT or abs(y) <= region.diameter / 2.0
+
+
+def _far(region: Region) -> float:
+    """Return how far it is from the base's centre to a thing, m."""
+    return float(np.hypot(*region.centre)) - region.diameter / 2.0
 
 
 def _fits(region: Region, sought: Sought) -> bool:

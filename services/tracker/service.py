@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime import topics
 from runtime.messages import (
-    CameraCalibration,
     CompressedImage,
-    FrameTransform,
     ObjectState,
     Odometry,
     RobotPose,
     Vector2,
 )
-from runtime.service import Effects, Input, Output, Publication, Service, Timer, on
+from runtime.service import Effects, Input, Output, Publication, Timer, on
 from runtime.time import SECOND, Time, nanoseconds
 from services.geometry.angles import wrap
 from services.geometry.pose import History, between, compose
-from services.tracker.camera import BadCalibration, Camera, Mount
 from services.tracker.config import TrackerConfig
 from services.tracker.filter import Reading, Track
 from services.tracker.finders import Hint, Memory, Sighting, View, finder_of
 from services.tracker.outline import lines
+from services.vision.beams import passed
+from services.vision.seeing import BadPicture, SeeingService, decoded, taken
 
 Array = NDArray[np.float64]
 
@@ -39,8 +36,6 @@ _EARLIER = 0.1
 _PERIOD = 0.1
 _SILENT = 0.3
 """s without a picture after which the track goes on without"""
-_FREE, _CLEAR = (0.2, 3.0, 0.1), 0.25
-"""m from the laser: first, last and between the places where the floor is looked at; m before what a beam met"""
 
 
 @dataclass
@@ -67,7 +62,7 @@ class TrackerState:
     unreadable: int = 0
 
 
-class TrackerService(Service):
+class TrackerService(SeeingService):
     """Publishes the object's state with every picture, and while none comes what it must be by now.
 
     The object is followed in the frame of the odometry, which never jumps. On the map it would seem to move whenever
@@ -79,8 +74,6 @@ class TrackerService(Service):
 
     image = Input(topics.IMAGE)
     depth = Input(topics.DEPTH)
-    calibration = Input(topics.CALIBRATION)
-    mount = Input(topics.CAMERA_MOUNT)
     odometry = Input(topics.ODOMETRY)
     robot = Input(topics.ROBOT_POSE)
     status = Input(topics.STATUS)
@@ -96,33 +89,6 @@ class TrackerService(Service):
         super().__init__(config)
         self.state = TrackerState()
         self._finder = finder_of(config)
-        self._camera: Camera | None = None
-        self._mount: Mount | None = None
-
-    def thaw(self) -> None:
-        """Take up calibration and mount."""
-        with suppress(BadCalibration):
-            self._camera = None if self.calibration is None else Camera.of(self.calibration)
-        with suppress(BadCalibration):
-            self._mount = None if self.mount is None else Mount.of(self.mount)
-
-    @on(calibration)
-    def calibrated(self, calibration: CameraCalibration, now: Time) -> Effects:
-        """Take up the camera's intrinsics."""
-        try:
-            self._camera = Camera.of(calibration)
-        except BadCalibration as error:
-            self._camera = None
-            yield self.say(f"calibration refused: {error}", now, "ERROR")
-
-    @on(mount)
-    def mounted(self, mount: FrameTransform, now: Time) -> Effects:
-        """Take up where the camera is."""
-        try:
-            self._mount = Mount.of(mount)
-        except BadCalibration as error:
-            self._mount = None
-            yield self.say(f"mount refused: {error}", now, "ERROR")
 
     @on(odometry)
     def moved(self, odometry: Odometry, now: Time) -> Effects:
@@ -168,15 +134,14 @@ class TrackerService(Service):
 
     def _look(self, image: CompressedImage, now: Time) -> Effects:
         state, camera, mount = self.state, self._camera, self._mount
-        stamp = image.timestamp.seconds * SECOND + image.timestamp.nanos
+        stamp = taken(image)
         if camera is None or mount is None or not state.robots.stamps or stamp <= state.stamp:
             return
-        picture = cv2.imdecode(np.frombuffer(image.data, np.uint8), self._finder.decoding) if image.data else None
-        expected = (camera.height, camera.width, *self._finder.kind)
-        if picture is None or (*picture.shape, picture.dtype) != expected:
+        try:
+            picture = decoded(image, camera, self._finder.decoding, self._finder.kind)
+        except BadPicture as error:
             state.unreadable += 1
-            what = "unreadable" if picture is None else _kind(picture.shape, picture.dtype)
-            yield self.say(f"picture {what}, expected {_kind(expected[:-1], expected[-1])}", now, "WARNING")
+            yield self.say(str(error), now, "WARNING")
             return
         if stamp < state.robots.stamps[0] - nanoseconds(_EARLIER):
             state.unreadable += 1
@@ -187,7 +152,7 @@ class TrackerService(Service):
         if state.track is not None:
             self._predict(state.track, stamp)
         diameter = 0.0 if self.status is None else self.status.diameter
-        free = self._free() if self.config.finds == "appearance" else np.empty((0, 2))
+        free = passed(self.scan if self.config.finds == "appearance" else None)
         seen = self._finder.find(picture, View(camera, mount, self._hint(pose), free, diameter), state.memory)
         if seen is not None:
             self._take(seen, pose, stamp)
@@ -265,26 +230,3 @@ class TrackerService(Service):
         if track.oriented:
             said.yaw, said.yaw_variance = wrap(float(track.yaw[0] + origin[2])), yaw_variance
         return self.object(said)
-
-    def _free(self) -> Array:
-        """Return places on the floor, (N, 2), m, base frame, that the laser passes over: they are floor."""
-        scan = self.scan
-        if scan is None or not scan.ranges:
-            return np.empty((0, 2))
-        ranges = np.array(scan.ranges)
-        angles = np.linspace(scan.start_angle, scan.end_angle, len(ranges))
-        turned = scan.pose.orientation
-        angles = angles + 2.0 * math.atan2(turned.z, turned.w)
-        far = np.arange(_FREE[0], _FREE[1], _FREE[2])
-        reach, bearing = np.meshgrid(far, angles, indexing="ij")
-        inside = reach < ranges[None, :] - _CLEAR
-        start = np.array((scan.pose.position.x, scan.pose.position.y))
-        return np.asarray(
-            start + np.column_stack([(reach * np.cos(bearing))[inside], (reach * np.sin(bearing))[inside]])
-        )
-
-
-def _kind(shape: tuple[object, ...], of: object) -> str:
-    """Return in words what picture has this shape and is of these numbers."""
-    channels = f", {shape[2]} channels" if len(shape) > 2 else ""
-    return f"{shape[1]} x {shape[0]}{channels} of {of}"

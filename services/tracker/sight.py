@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.camera import Mount
+from services.vision.camera import Mount
 
 Array = NDArray[np.float64]
 

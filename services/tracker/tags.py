@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.camera import Camera
 from services.tracker.edges import sharpen
+from services.vision.camera import Camera
 
 GAMMA = 2.2
 """what nearly every camera and renderer encodes its pictures with"""

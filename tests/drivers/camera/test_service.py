@@ -33,7 +33,7 @@ from runtime.recorder.writer import Recorder
 from runtime.sample import Sample
 from runtime.scheduler import Scheduler
 from runtime.time import MILLISECOND, SECOND
-from services.tracker.camera import Camera, Mount
+from services.vision.camera import Camera, Mount
 
 WIDTH, HEIGHT = 64, 48
 

@@ -16,8 +16,8 @@ from drivers.sapien.optics import CameraModel, quaternion
 from runtime.messages import CameraCalibration, CompressedImage, FrameTransform, Pose2, Truth
 from runtime.service import Publication
 from runtime.time import SECOND
-from services.tracker.camera import Camera, Mount
 from services.tracker.layout import cube
+from services.vision.camera import Camera, Mount
 
 HOME = scene.get("living-room")
 BODY = objects.draw(objects.get("orange-cylinder"), np.random.default_rng(1))

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.camera import Camera, Mount
 from services.tracker.layout import Layout
 from services.tracker.tags import Tags, dictionary
+from services.vision.camera import Camera, Mount
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from services.tracker.camera import Camera, Mount
+from services.vision.camera import Camera, Mount
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime.state import decode, encode
-from services.tracker.appearance import FloorModel, colours, floor_colours, learn, standing
 from services.tracker.contact import Contour, contours
-from services.tracker.floor_view import SHRINK, Body, FloorView
 from services.tracker.footprint import footprint, placed_by_top
 from services.tracker.region import Region
 from services.tracker.segment import Sought, by_colour, continued, faced
+from services.vision.appearance import FloorModel, colours, floor_colours, learn, standing
+from services.vision.floor_view import SHRINK, Body, FloorView
 from tests.services.tracker.scenes import Thing, camera, cast, free_floor, mount, picture, wood
 
 CAMERA, MOUNT = camera(), mount()

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.tracker.camera import Camera
 from services.tracker.circle import smallest_circle
-from services.tracker.depth import DepthEye, support, things
-from services.tracker.plane import NoPlane, Plane, find_plane
+from services.tracker.depth import things
+from services.vision.camera import Camera
+from services.vision.plane import NoPlane, Plane, find_plane
+from services.vision.rising import DepthEye, support
 from tests.experiments.slam.shared import SHARED, needed
 from tests.services.tracker.scenes import Thing, camera, cast, measured, mount
 

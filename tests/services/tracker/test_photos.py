@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from services.tracker.attitude import free, planar
-from services.tracker.camera import Camera
 from services.tracker.layout import Tag, square
 from services.tracker.tags import GAMMA, Finder, Tags, dictionary, finder
+from services.vision.camera import Camera
 from tests.experiments.slam.shared import SHARED, needed
 from tests.figures import Figures
 

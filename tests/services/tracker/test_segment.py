@@ -19,13 +19,15 @@ def region(x: float, y: float, diameter: float = 0.3, cut: bool = False) -> Regi
     return Region(np.array([x, y]), diameter, np.eye(2) * 1e-4, math.hypot(x, y) - diameter / 2, 0.0, 0.2, 500, cut)
 
 
-def test_the_nearest_ahead_is_the_object() -> None:
+def test_what_is_straight_ahead_is_the_object() -> None:
     far, near, aside = region(2.0, 0.0), region(1.2, 0.3), region(0.5, 0.8)
-    assert faced([far, aside, near], SOUGHT) is near
+    assert faced([near, aside, far], SOUGHT) is far
+    # Nobody aims to the centimetre.
+    assert faced([region(2.0, 0.0), near_by := region(1.0, 0.1)], SOUGHT) is near_by
 
 
-def test_nearest_is_meant_to_the_side_that_faces_the_robot() -> None:
-    small, large = region(1.0, 0.0, 0.14), region(1.1, 0.2, 0.6)
+def test_of_two_ahead_the_nearer_one_is_by_the_side_that_faces_the_robot() -> None:
+    small, large = region(1.0, 0.0, 0.14), region(1.1, 0.02, 0.6)
     assert faced([small, large], SOUGHT) is large
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.camera import Camera, Mount
+from services.vision.camera import Camera, Mount
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -82,12 +82,22 @@ class FloorView:
 
     def pixels_of(self, floor: Array) -> NDArray[np.int64]:
         """Return the rows and columns, (M, 2), of the pixels that look at floor points, (N, 2), m, base frame."""
+        at, seen = self.looks_at(floor)
+        return np.asarray(at[seen])
+
+    def looks_at(self, floor: Array) -> tuple[NDArray[np.int64], Mask]:
+        """Return row and column, (N, 2), of the pixel that looks at each floor point, (N, 2), m, base frame.
+
+        And whether there is one, (N,); the others' are 0.
+        """
         points = self.mount.to_camera(np.column_stack([floor, np.zeros(len(floor))]))
-        points = points[points[:, 2] > 0.05]
-        at = np.floor((self.camera.project(points) + 0.5) / SHRINK).astype(np.int64)[:, ::-1]
+        before = points[:, 2] > 0.05
+        at = np.full((len(floor), 2), -1, np.int64)
+        at[before] = np.floor((self.camera.project(points[before]) + 0.5) / SHRINK).astype(np.int64)[:, ::-1]
         h, w = self.looked.shape
-        at = at[(at >= 0).all(axis=1) & (at[:, 0] < h) & (at[:, 1] < w)]
-        return np.asarray(at[self.looked[at[:, 0], at[:, 1]]])
+        seen = (at >= 0).all(axis=1) & (at[:, 0] < h) & (at[:, 1] < w)
+        at[~seen] = 0
+        return at, seen & self.looked[at[:, 0], at[:, 1]]
 
 
 def _change(values: Array) -> Array:

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.floor_view import SHRINK, FloorView
+from services.vision.floor_view import SHRINK, FloorView
 
 Picture = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
