@@ -125,7 +125,7 @@ class ControllerService(Service):
         if self.status is None or self.corridor is None or object.visibility == Visibility.LOST:
             return
         contour, response = known(self.response, self.corridor.robot_diameter, object.diameter)
-        self.state.track.object_seen(object, base_of(self.status), contour, response)
+        self.state.track.object_seen(object, base_of(self.status), contour, response, self.response)
 
     @on(tick)
     def control(self, now: Time) -> Effects:

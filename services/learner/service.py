@@ -27,6 +27,7 @@ from services.learner.movement import Accept, MovementState, alpha, observe
 from services.learner.von_mises import Posterior, estimate, prior, update
 from services.predictive.estimate import Track
 from services.predictive.experience import Experience
+from services.predictive.heading import Heading
 from services.predictive.known import Known, triangle
 from services.predictive.model import TURN, YAW
 from services.predictive.situation import base_of
@@ -103,6 +104,7 @@ class LearnerService(Service):
             if said:
                 yield self.say(said, now, "INFO" if before else "WARNING")
             state.experience = Experience.of(status.diameter, object.diameter, self.config.seed, before)
+            state.experience.heading = None if object.HasField("yaw") else Heading()
         known, track = state.experience, state.track
         track.object_seen(object, base, known.contour, known.response)
         turned = object.yaw if object.HasField("yaw") else float(track.state[YAW])
@@ -111,7 +113,12 @@ class LearnerService(Service):
         # The robot's position of that time may still be on its way.
         while state.pending and state.pending[0][0] <= track.robots[-1][0]:
             stamp, x, y, angle, turn = state.pending.pop(0)
-            known.observe(stamp, track.robot_at(stamp), (x, y), angle, turn, base)
+            correction = known.observe(stamp, track.robot_at(stamp), (x, y), angle, turn, base)
+            if correction:
+                # Reckoned: what came since goes on from there.
+                track.state[YAW] += correction
+                state.pending = [(*one[:3], one[3] + correction, one[4]) for one in state.pending]
+                turned += correction
         yield self.response(
             PushResponse(
                 stamp=object.stamp,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.messages import ObjectState, RobotPose, VelocityCommand
+from runtime.messages import ObjectState, PushResponse, RobotPose, VelocityCommand
 from services.geometry.angles import wrapped
 from services.predictive.model import (
     OMEGA,
@@ -102,8 +102,14 @@ class Track:
             drive(state, one.ux, one.uy, one.turn, (end - max(one.time, stamp)) * 1e-9, base)
         return state
 
-    def object_seen(self, object: ObjectState, base: Array, contour: Array, response: Array) -> None:
-        """Take a position of the object, and the robot's of that time."""
+    def object_seen(
+        self, object: ObjectState, base: Array, contour: Array, response: Array, told: PushResponse | None = None
+    ) -> None:
+        """Take a position of the object, and the robot's of that time.
+
+        Args:
+            told: what the learner said of the observation before: where no yaw is seen, its yaw is everybody's.
+        """
         stamp, x, y = object.stamp, object.position.x, object.position.y
         yaw = object.yaw if object.HasField("yaw") else None
         robot = min(self.robots, key=lambda one: abs(one[0] - stamp), default=None)
@@ -114,6 +120,8 @@ class Track:
             self.state[[X, Y, YAW, RX, RY, THETA]] = x, y, yaw or 0.0, robot[1], robot[2], robot[3]
             self.time = stamp
             return
+        if yaw is None and told is not None and told.stamp == self.time:
+            self.state[YAW] = told.yaw
         state = self._carried(stamp, base, contour, response)
         dx, dy = x - state[X], y - state[Y]
         state[X] += _POSITION * dx

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.predictive.fit import STEP, carried, median_error, search
+from services.predictive.heading import Heading
 from services.predictive.known import Known, observed, prior_spread
 from services.predictive.model import CONTOUR, RESPONSE, basis, prior_contour, prior_response, radius
 
@@ -55,6 +56,7 @@ class Experience:
         reach: m, distance of the centres where robot and bounding circle touch.
         touches, seen: how many observations of the contour and windows were taken.
         error, prior_error: m, median over the windows, of what is held and of the prior.
+        heading: how the object is turned, where no tracker sees it; stamps: (W,), ns, of the windows' beginnings then.
     """
 
     contour: Array
@@ -74,6 +76,8 @@ class Experience:
     error: float = 0.0
     prior_error: float = 0.0
     trust: float = 1.0
+    heading: Heading | None = None
+    stamps: list[int] = field(default_factory=list)
 
     @classmethod
     def of(cls, robot_diameter: float, object_diameter: float, seed: int, known: Known | None = None) -> Experience:
@@ -97,15 +101,20 @@ class Experience:
 
     def observe(
         self, stamp: int, r: tuple[float, float], o: tuple[float, float], yaw: float, turn: float, base: Array
-    ) -> None:
-        """Take an observation of both at `stamp`, the robot turning with `turn`, and think about the past."""
+    ) -> float:
+        """Take an observation of both at `stamp`, the robot turning with `turn`, and think about the past.
+
+        Returns what yaw, which was reckoned, has to be corrected by, rad; 0 where it is seen.
+        """
         self.rows = [*self.rows[-_ROWS + 1 :], (stamp, *r, *o, yaw, turn)]
         self._touch()
         self.since += 1
+        correction = 0.0
         if len(self.rows) == _ROWS and self.since >= _EVERY:
-            self._window(base)
+            correction = self._window(base)
         if len(self.starts):
             self._think(base)
+        return correction
 
     def _touch(self) -> None:
         """Learn the distance of the centres in touch."""
@@ -141,12 +150,12 @@ class Experience:
         share, _ = basis(np.array([bearing]))
         self.contour, self.spread = observed(self.contour, self.spread, share[0], distance, noise)
 
-    def _window(self, base: Array) -> None:
-        """Keep the newest rows as a window if the object was near the robot, or moved."""
+    def _window(self, base: Array) -> float:
+        """Keep the newest rows as a window if the object was near the robot, or moved; return a correction of yaw."""
         stamps = np.array([row[0] - self.rows[-1][0] for row in self.rows]) * 1e-9
         seen = np.array([row[1:] for row in self.rows])
         if np.diff(stamps).max() > _LONGEST_GAP:
-            return
+            return 0.0
         seen[:, 4] = np.unwrap(seen[:, 4])
         times = STEP * np.arange(-_ROWS + 1, 1)
         rows = np.column_stack([np.interp(times, stamps, column) for column in seen.T])
@@ -156,7 +165,7 @@ class Experience:
         gaps = np.hypot(*(own[:, 0:2] - own[:, 2:4]).T)
         travel = math.hypot(*(own[-1, 2:4] - own[0, 2:4]))
         if gaps.min() > self.contour.mean() + _NEAR:
-            return
+            return 0.0
         # Where they touch is the contour's to know: else its faults would be taken for the response's.
         beyond = self._closest(own)
         if travel < _MOVED:
@@ -166,12 +175,34 @@ class Experience:
         # What lay still and was to lie still teaches nothing, and would crowd out what does.
         expected = carried(self.response, own[:, [0, 1, 5]].copy(), start, base, self.contour)
         if travel < _MOVED and math.hypot(expected[0] - start[0], expected[1] - start[1]) < _MOVED:
-            return
+            return 0.0
         self.robots = np.concatenate([self.robots[-_WINDOWS + 1 :], own[None][..., [0, 1, 5]]])
         self.starts = np.concatenate([self.starts[-_WINDOWS + 1 :], start[None]])
         self.ends = np.concatenate([self.ends[-_WINDOWS + 1 :], end[None, 2:5]])
         self.seen += 1
         self.since = 0
+        return 0.0 if self.heading is None else self._turned(own, start, base)
+
+    def _turned(self, own: Array, start: Array, base: Array) -> float:
+        """Find how the object was turned in the newest window, of rows `own`, (SAMPLES, 6), and `start`.
+
+        Returns what yaw has to be corrected by.
+        """
+        assert self.heading is not None
+        stamp = self.rows[_LEAD][0]
+        self.stamps = [*self.stamps[-_WINDOWS + 1 :], stamp]
+        rows, end = np.ascontiguousarray(own[:, [0, 1, 2, 3, 5]]), self.ends[-1]
+        first, last = self.heading.observe(stamp, rows, start, end[:2].copy(), base, self.contour, self.response)
+        correction = last - float(end[2])
+        self.starts[-1, 2], self.ends[-1, 2] = first, last
+        self.rows = [(*row[:5], row[5] + correction, row[6]) for row in self.rows]
+        return correction
+
+    def _lags(self) -> NDArray[np.int64]:
+        """Return at which of its observations each window is followed by the next, (W,); (0,) where yaw is seen."""
+        apart = np.diff(np.array(self.stamps, np.int64)) * 1e-9 / STEP
+        lags = np.minimum(np.rint(apart), SAMPLES - 1).astype(np.int64)
+        return lags if self.heading is None else np.append(lags, SAMPLES - 1)
 
     def _closest(self, rows: Array) -> float:
         """Return the least gap between robot and contour in `rows`, m."""
@@ -183,13 +214,14 @@ class Experience:
     def _think(self, base: Array) -> None:
         """Try other responses, and hold the best."""
         # The more windows, the longer each takes; and the less is to be found.
-        count = min(_PROPOSALS, max(1, _LOOKS // len(self.starts)))
+        looks = _LOOKS if self.heading is None else _LOOKS // 2
+        count = min(_PROPOSALS, max(1, looks // len(self.starts)))
         draws = self.generator.standard_normal((count, RESPONSE))
         scales = 10.0 ** self.generator.uniform(-1.7, 0.3, count)
         anew = self.generator.uniform(size=count) < 0.25
         best = search(
             self.response, self.begun, self.trust, draws, scales, anew,
-            self.robots, self.starts, self.ends, base, self.contour,
+            self.robots, self.starts, self.ends, self._lags(), base, self.contour,
         )  # fmt: skip
         self.response = best
         self.error = median_error(best, self.robots, self.starts, self.ends, base, self.contour)

@@ -124,7 +124,7 @@ class StrategyService(Service):
         base = base_of(self.status)
         contour, response = known(self.response, corridor.robot_diameter, object.diameter)
         o = vector(object.position)
-        planner.track.object_seen(object, base, contour, response)
+        planner.track.object_seen(object, base, contour, response, self.response)
         config = self.config.predictive
         windows = 0 if self.response is None else self.response.windows
         then = now + nanoseconds(config.lead)
