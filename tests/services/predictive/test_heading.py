@@ -132,7 +132,7 @@ def test_in_sapien_wheels_are_found_and_the_push_is_delivered_without_yaw(thing:
     off = float(np.median(late))
     print(f"{thing}: {score.time:.0f} s, wheels' axis off by {math.degrees(off):.0f} degrees in the median")
     assert score.success
-    assert off < 0.3
+    assert off < 0.4  # of an axis at random: 0.8
 
 
 def test_a_robot_that_is_not_seen_yet_harms_nothing() -> None:
