@@ -25,6 +25,7 @@ PREDICTED: Colour = (214, 170, 110, 255)
 TRUTH: Colour = (240, 240, 240, 255)
 TRUTH_LINE: Colour = (150, 156, 168, 255)
 SCAN: Colour = (255, 70, 70, 255)
+FLOOR_MET: Colour = (255, 170, 40, 255)
 RANGE: Colour = (255, 190, 90, 255)
 
 ALPHA: Colour = (255, 90, 90, 255)

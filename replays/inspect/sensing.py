@@ -11,7 +11,7 @@ from replays.inspect.canvas import Canvas, raised
 from replays.inspect.places import Places
 from replays.inspect.session import Session
 from replays.inspect.shapes import pose_at
-from runtime.messages import CompressedImage, ImageAnnotations, LaserScan, RangeArray
+from runtime.messages import CompressedImage, ImageAnnotations, LaserScan, RangeArray, SeenFloor
 
 POINTS = 0.034
 
@@ -21,6 +21,7 @@ def draw_sensing(canvas: Canvas, session: Session, where: Places) -> None:
     if len(where.robot):
         _draw_scans(canvas, session, where)
         _draw_ranges(canvas, session, where)
+        _draw_floor(canvas, session, where)
     _draw_images(canvas, session)
     _draw_outlines(canvas, session)
 
@@ -52,6 +53,26 @@ def _draw_scans(canvas: Canvas, session: Session, where: Places) -> None:
     canvas.fixed("/map/scan", rr.Points3D.from_fields(colors=[palette.SCAN], radii=[rr.Radius.ui_points(1.6)]))
     canvas.columns(
         "/map/scan",
+        track.times,
+        rr.Points3D.columns(positions=raised(np.vstack(clouds), POINTS)).partition([len(c) for c in clouds]),
+    )
+
+
+def _draw_floor(canvas: Canvas, session: Session, where: Places) -> None:
+    """A point where the camera sees something stand on the floor."""
+    track = session.track("floor", SeenFloor)
+    if not len(track):
+        return
+    clouds: list[NDArray[np.float64]] = []
+    stamps = np.array([floor.stamp for floor in track.messages], np.int64)
+    for floor, pose in zip(track.messages, pose_at(stamps, where.robot_stamps, where.robot), strict=True):
+        met = np.array(floor.met, np.bool_)
+        bearing, last = np.array(floor.bearing)[met], np.array(floor.last)[met]
+        way = np.column_stack([np.cos(bearing), np.sin(bearing)])
+        clouds.append(_to_map((floor.position.x, floor.position.y) + last[:, None] * way, pose))
+    canvas.fixed("/map/floor", rr.Points3D.from_fields(colors=[palette.FLOOR_MET], radii=[rr.Radius.ui_points(1.6)]))
+    canvas.columns(
+        "/map/floor",
         track.times,
         rr.Points3D.columns(positions=raised(np.vstack(clouds), POINTS)).partition([len(c) for c in clouds]),
     )

@@ -288,6 +288,14 @@ def _at_25_hz(push: Push, time: float, n: Floats) -> Iterator[Row]:
 
 def _at_10_hz(push: Push, time: float, far: Floats, cells: NDArray[np.uint8]) -> Iterator[Row]:
     yield ns(time), "scan", _scan(push, time, far)
+    below = geometry_pb2.Vector2(x=0.12)
+    yield (
+        ns(time),
+        "floor",
+        world_pb2.SeenFloor(
+            stamp=ns(time), position=below, bearing=[0.3, 0.0], first=[0.3, 0.3], last=[0.9, 1.5], met=[True, False]
+        ),
+    )
     x, y, theta = push.robot(time)
     bearing = np.linspace(0.0, 2.0 * np.pi, 9, endpoint=False)
     distance = np.full(9, 0.4)

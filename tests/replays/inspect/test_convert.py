@@ -9,7 +9,7 @@ import pytest
 
 from replays.inspect import to_rrd
 from replays.inspect.session import read_session
-from runtime.messages import LaserScan, OccupancyGrid, PushBehaviour, RobotPose
+from runtime.messages import LaserScan, OccupancyGrid, PushBehaviour, RobotPose, SeenFloor
 from tests.replays.inspect.rrd import column
 from tests.replays.inspect.synthetic_session import CELL, SIDE, Push, grid, write_session
 
@@ -78,6 +78,21 @@ def test_scans_are_placed_by_where_the_robot_was_not_by_what_was_known(push: Pat
         expected = np.column_stack([x + reach * np.cos(bearing), y + reach * np.sin(bearing)])[hit]
         # Poses are given with a noise of some millimetres, and linear over 20 ms.
         assert np.array(row)[:, :2] == pytest.approx(expected, abs=0.03)
+
+
+def test_what_the_camera_meets_on_the_floor_is_placed_by_where_the_robot_was(push: Path, rrd: Path) -> None:
+    truth = Push(8.0)
+    _, rows = column(rrd, "/map/floor", "Points3D:positions")
+    messages = read_session(push).track("floor", SeenFloor).messages
+    assert len(rows) == len(messages) > 50
+    for floor, row in zip(messages, rows, strict=True):
+        x, y, theta = truth.robot(floor.stamp / 1e9)
+        ahead, aside = 0.12 + 0.9 * np.cos(0.3), 0.9 * np.sin(0.3)
+        expected = [
+            x + ahead * np.cos(theta) - aside * np.sin(theta),
+            y + ahead * np.sin(theta) + aside * np.cos(theta),
+        ]
+        assert np.array(row)[:, :2] == pytest.approx(np.array([expected]), abs=0.03)
 
 
 def test_the_map_has_its_lowest_row_last(push: Path, rrd: Path) -> None:
