@@ -50,12 +50,16 @@ def _draw_scans(canvas: Canvas, session: Session, where: Places) -> None:
         )
         local = distance[hit, None] * np.column_stack([np.cos(bearing[hit]), np.sin(bearing[hit])])
         clouds.append(_to_map(_to_map(local, np.array(mount)), pose))
-    canvas.fixed("/map/scan", rr.Points3D.from_fields(colors=[palette.SCAN], radii=[rr.Radius.ui_points(1.6)]))
-    canvas.columns(
-        "/map/scan",
-        track.times,
-        rr.Points3D.columns(positions=raised(np.vstack(clouds), POINTS)).partition([len(c) for c in clouds]),
-    )
+    _points(canvas, "/map/scan", palette.SCAN, track.times, clouds)
+
+
+def _points(
+    canvas: Canvas, entity: str, colour: palette.Colour, times: NDArray[np.int64], clouds: list[NDArray[np.float64]]
+) -> None:
+    """Put (N, 2) points, map frame, at each of the times."""
+    canvas.fixed(entity, rr.Points3D.from_fields(colors=[colour], radii=[rr.Radius.ui_points(1.6)]))
+    positions = raised(np.vstack(clouds), POINTS)
+    canvas.columns(entity, times, rr.Points3D.columns(positions=positions).partition([len(c) for c in clouds]))
 
 
 def _draw_floor(canvas: Canvas, session: Session, where: Places) -> None:
@@ -70,12 +74,7 @@ def _draw_floor(canvas: Canvas, session: Session, where: Places) -> None:
         bearing, last = np.array(floor.bearing)[met], np.array(floor.last)[met]
         way = np.column_stack([np.cos(bearing), np.sin(bearing)])
         clouds.append(_to_map((floor.position.x, floor.position.y) + last[:, None] * way, pose))
-    canvas.fixed("/map/floor", rr.Points3D.from_fields(colors=[palette.FLOOR_MET], radii=[rr.Radius.ui_points(1.6)]))
-    canvas.columns(
-        "/map/floor",
-        track.times,
-        rr.Points3D.columns(positions=raised(np.vstack(clouds), POINTS)).partition([len(c) for c in clouds]),
-    )
+    _points(canvas, "/map/floor", palette.FLOOR_MET, track.times, clouds)
 
 
 def _draw_ranges(canvas: Canvas, session: Session, where: Places) -> None:
