@@ -18,7 +18,6 @@ from services.vision.appearance import FloorModel, colours, floor_colours, learn
 from services.vision.beams import passed
 from services.vision.camera import Camera, Mount
 from services.vision.floor_view import Body, FloorView
-from services.vision.plane import NoPlane
 from services.vision.rising import DepthEye, rising
 from services.vision.seeing import BadPicture, Picture, SeeingService, decoded, taken
 
@@ -94,8 +93,6 @@ class FloorService(SeeingService):
         except BadPicture as error:
             state.unreadable += 1
             yield self.say(str(error), now, "WARNING")
-            return
-        except NoPlane:
             return
         if self.config.sees == "appearance" and not state.model.known:
             return

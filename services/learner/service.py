@@ -99,6 +99,9 @@ class LearnerService(Service):
         if "predictive" not in (goal.strategy, goal.controller) or not state.track.robots:
             return
         base = base_of(status)
+        if state.experience is not None and state.experience.heading is not None and object.HasField("yaw"):
+            yield self.say("the object's yaw is seen now: learning anew", now)
+            state.experience = None  # what was learned is in a frame that nobody else knows
         if state.experience is None:
             before, said = self._before(status.diameter, object)
             if said:

@@ -18,6 +18,10 @@ _OVER = 1.6
 floor behind it: those of a thing of 0.37 of the camera's height"""
 
 
+_FARTHEST = 50.0
+"""m: no camera on a base sees a floor from farther away"""
+
+
 class BadFloor(ValueError):
     """A message of which the columns do not fit together."""
 
@@ -41,7 +45,7 @@ class Seen:
         """Return what a message says.
 
         Raises:
-            BadFloor: its columns differ in length, or a stretch ends before it begins.
+            BadFloor: its columns differ in length, or a stretch ends before it begins, or is nowhere near.
         """
         columns = [np.array(one, np.float64) for one in (message.bearing, message.first, message.last, message.met)]
         lengths = [len(one) for one in columns]
@@ -51,6 +55,9 @@ class Seen:
         if (first < 0.0).any() or (last < first).any():
             raise BadFloor("a stretch of floor that begins below 0 m or ends before it begins")
         start = np.array((message.position.x, message.position.y))
+        farthest = max(float(last.max(initial=0.0)), *np.abs(start).tolist())
+        if farthest > _FARTHEST:
+            raise BadFloor(f"{farthest:g} m from the base, expected at most {_FARTHEST:g}")
         ways = np.column_stack([np.cos(bearing), np.sin(bearing)])
         return cls(start, start + first[:, None] * ways, start + last[:, None] * ways, met > 0.0)
 

@@ -42,6 +42,8 @@ _LEAST_KNOWN = np.diag([0.02**2, 0.02**2, 0.005**2])
 over them by a robot that was located in it."""
 _CARRIED = 0.3
 """m from where the object was seen last at which it was carried, not pushed"""
+_AHEAD = 0.1
+"""s that a picture may be newer than the odometry: nobody knows where it was taken"""
 _EXPLAINED = 2
 """cells from what stands on the map within which what the camera meets is taken for that"""
 _RIM = 0.04
@@ -209,7 +211,8 @@ class MappingService(Service):
         Poses are not found with it. Where something stands on the map already, laser or plan have it more exactly.
         """
         state = self.state
-        if state.matched is None or floor.stamp < state.odometry.stamps[0]:
+        stamps = state.odometry.stamps
+        if state.matched is None or not stamps[0] <= floor.stamp <= stamps[-1] + nanoseconds(_AHEAD):
             return
         try:
             seen = Seen.of(floor)

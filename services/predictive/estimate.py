@@ -60,12 +60,14 @@ class Track:
         state: (STATE,), see `model`.
         sent: the newest commands, oldest first.
         robots: the newest positions of the robot by their stamps, ns: (stamp, x, y, theta).
+        yaws: of the object lately, by their stamps, ns: (stamp, yaw).
     """
 
     time: int = 0
     state: Array = field(default_factory=lambda: np.zeros(STATE))
     sent: list[Sent] = field(default_factory=list)
     robots: list[tuple[int, float, float, float]] = field(default_factory=list)
+    yaws: list[tuple[int, float]] = field(default_factory=list)
 
     def commanded(self, command: VelocityCommand, theta: float) -> None:
         """Take a command that was sent with the robot heading `theta`."""
@@ -108,20 +110,21 @@ class Track:
         """Take a position of the object, and the robot's of that time.
 
         Args:
-            told: what the learner said of the observation before: where no yaw is seen, its yaw is everybody's.
+            told: what the learner said last: where no yaw is seen, its yaw is everybody's.
         """
         stamp, x, y = object.stamp, object.position.x, object.position.y
         yaw = object.yaw if object.HasField("yaw") else None
         robot = min(self.robots, key=lambda one: abs(one[0] - stamp), default=None)
         if robot is None or stamp <= self.time:
             return
+        if yaw is None and told is not None:
+            self._turned(told)
         if self.time == 0 or stamp - self.time > _LONGEST_GAP:
+            thought = float(self.state[YAW]) if yaw is None else yaw
             self.state = np.zeros(STATE)
-            self.state[[X, Y, YAW, RX, RY, THETA]] = x, y, yaw or 0.0, robot[1], robot[2], robot[3]
-            self.time = stamp
+            self.state[[X, Y, YAW, RX, RY, THETA]] = x, y, thought, robot[1], robot[2], robot[3]
+            self.time, self.yaws = stamp, [(stamp, thought)]
             return
-        if yaw is None and told is not None and told.stamp == self.time:
-            self.state[YAW] = told.yaw
         state = self._carried(stamp, base, contour, response)
         dx, dy = x - state[X], y - state[Y]
         state[X] += _POSITION * dx
@@ -137,6 +140,17 @@ class Track:
             state[RY] += _ROBOT * (robot[2] - state[RY])
             state[THETA] += _ROBOT * wrapped(robot[3] - state[THETA])
         self.state, self.time = state, stamp
+        self.yaws = [*self.yaws[-_REMEMBERED + 1 :], (stamp, float(state[YAW]))]
+
+    def _turned(self, told: PushResponse) -> None:
+        """Take the learner's yaw for this one's own: what it says is of a moment ago, and may be late."""
+        own = next((yaw for stamp, yaw in self.yaws if stamp == told.stamp), None)
+        if own is None:
+            return
+        off = wrapped(told.yaw - own)
+        self.state[YAW] += off
+        # Not twice, and what is told of later ones is off from there.
+        self.yaws = [(stamp, yaw + off) for stamp, yaw in self.yaws if stamp >= told.stamp]
 
     def at(self, time: int, base: Array, contour: Array, response: Array) -> Array:
         """Return the state expected at `time`, not before the newest observation."""

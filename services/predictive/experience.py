@@ -189,7 +189,7 @@ class Experience:
         Returns what yaw has to be corrected by.
         """
         assert self.heading is not None
-        stamp = self.rows[_LEAD][0]
+        stamp = self.rows[-1][0] - round((_ROWS - 1 - _LEAD) * STEP * 1e9)
         self.stamps = [*self.stamps[-_WINDOWS + 1 :], stamp]
         rows, end = np.ascontiguousarray(own[:, [0, 1, 2, 3, 5]]), self.ends[-1]
         first, last = self.heading.observe(stamp, rows, start, end[:2].copy(), base, self.contour, self.response)

@@ -20,6 +20,10 @@ _INVERTED = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 """iterations at most, and pixels at which they end"""
 
 
+_SMALLEST = 8
+"""pixels on each side of a picture, at least"""
+
+
 class BadCalibration(ValueError):
     """A calibration that no camera can have."""
 
@@ -52,8 +56,9 @@ class Camera:
             raise BadCalibration(f"K is {list(message.K)}, expected 9 numbers with positive focal lengths")
         if len(message.D) > 5:
             raise BadCalibration(f"D has {len(message.D)} numbers, expected at most 5")
-        if not message.width or not message.height:
-            raise BadCalibration(f"the picture is {message.width} x {message.height} pixels")
+        if min(message.width, message.height) < _SMALLEST:
+            size = f"{message.width} x {message.height}"
+            raise BadCalibration(f"the picture is {size} pixels, expected at least {_SMALLEST} each way")
         distortion = np.zeros(5)
         distortion[: len(message.D)] = message.D
         return cls(np.array(message.K).reshape(3, 3), distortion, message.width, message.height)

@@ -17,6 +17,8 @@ from services.vision.camera import Camera, Mount
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_FOLDED = 0.02
+"""m, beside two pixels, that a pixel may look away from a place that is projected to it"""
 SHRINK = 2
 """Pixels of the picture, along each side, that are looked at as one."""
 
@@ -97,7 +99,12 @@ class FloorView:
         h, w = self.looked.shape
         seen = (at >= 0).all(axis=1) & (at[:, 0] < h) & (at[:, 1] < w)
         at[~seen] = 0
-        return at, seen & self.looked[at[:, 0], at[:, 1]]
+        v, u = at.T
+        # Far outside of its field a lens's polynomial folds back into the picture: the pixel has to look there as well.
+        away = self.distance[v, u, None] * np.column_stack([np.cos(self.bearing[v, u]), np.sin(self.bearing[v, u])])
+        off = np.hypot(*(self.below + away - floor).T)
+        pixel = np.hypot(self.step[v, u], self.turn[v, u] * self.distance[v, u])
+        return at, seen & self.looked[v, u] & (off < _FOLDED + 2.0 * pixel)
 
 
 def _change(values: Array) -> Array:

@@ -43,7 +43,7 @@ def support(eye: DepthEye, depth: Array, mount: Mount | None = None) -> Plane:
         mount: the floor is near where it says; None: it is the largest plane that does not stand upright.
 
     Raises:
-        NoPlane: too little was measured.
+        NoPlane: too little was measured, and there is no mount.
     """
     # Every second row and column are enough for a plane.
     coarse = depth[::2, ::2]
@@ -59,10 +59,8 @@ def rising(view: FloorView, eye: DepthEye, depth: Array) -> tuple[Mask, Mask]:
     """Return which of the view's pixels, (h, w), show what rises from the floor, and which show anything.
 
     Args:
-        depth: (H, W), m, along the camera's axis; 0 or NaN: nothing measured.
-
-    Raises:
-        NoPlane: too little was measured.
+        depth: (H, W), m, along the camera's axis; 0 or NaN: nothing measured. Where too little is, the floor is taken
+            to be where the mount has it.
     """
     plane = support(eye, depth, view.mount)
     measured = depth > 0.0

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from services.floor.stretches import STEP, TURN, Fan, Stretches, stretches
+from services.vision.camera import Camera
 from services.vision.floor_view import Body, FloorView
 from services.vision.rising import DepthEye, rising
 from tests.services.tracker.scenes import Thing, camera, cast, measured, mount
@@ -125,3 +126,19 @@ def test_where_no_depth_is_measured_nothing_is_said() -> None:
     assert not found.met.any()
     up, shown = rising(VIEW, DepthEye.of(CAMERA), np.zeros_like(depth))
     assert not len(stretches(FAN, up, shown).bearing)
+
+
+@pytest.mark.parametrize(
+    "lens", [(-0.1, 0.0, 0.0, 0.0, 0.0), (0.1, -0.25, 0.0, 0.0, 0.0), (-0.35, 0.13, 0.0, 0.0, -0.02)]
+)
+def test_what_a_lens_folds_back_into_the_picture_is_not_seen(lens: tuple[float, ...]) -> None:
+    matrix = np.array([[307.0, 0.0, 319.5], [0.0, 307.0, 239.5], [0.0, 0.0, 1.0]])
+    view = FloorView.of(Camera(matrix, np.array(lens), 640, 480), MOUNT, Body(0.225, 0.25), FURTHEST)
+    fan = Fan.of(view, FURTHEST)
+    bearing, distance = view.bearing[fan.rows, fan.columns], view.distance[fan.rows, fan.columns]
+    off = np.hypot(
+        distance * np.cos(bearing) - fan.distances * np.cos(fan.bearings)[:, None],
+        distance * np.sin(bearing) - fan.distances * np.sin(fan.bearings)[:, None],
+    )
+    assert off[fan.seen].max() < 0.25  # of pixels at the rim; what is folded is metres off
+    assert fan.seen.sum() > 5000

@@ -27,6 +27,10 @@ def test_columns_that_do_not_fit_together_are_refused() -> None:
     for first, last in ((1.0, 0.5), (-0.1, 0.5)):
         with pytest.raises(BadFloor, match="begins"):
             seen((0.0, first, last, True))
+    with pytest.raises(BadFloor, match="1e\\+06 m from the base"):
+        seen((0.0, 1.0, 1e6, False))
+    with pytest.raises(BadFloor, match="99 m from the base"):
+        Seen.of(SeenFloor(position=Vector2(x=-99.0)))
 
 
 @given(st.floats(-3.0, 3.0), st.floats(0.1, 1.0), st.floats(0.0, 1.5), st.floats(-3.0, 3.0), st.floats(0.1, 0.5))

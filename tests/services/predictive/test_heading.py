@@ -92,7 +92,7 @@ def test_a_disc_is_thought_to_turn_as_the_model_says_and_no_other_way() -> None:
 
 def test_where_yaw_is_unseen_the_learners_is_everybodys() -> None:
     track = Track()
-    track.robots = [(k * SECOND // 10, -1.0, 0.0, 0.0) for k in range(1, 6)]
+    track.robots = [(k * SECOND // 10, -1.0, 0.0, 0.0) for k in range(1, 8)]
     response = m.prior_response(0.3)
 
     def seen(k: int, told: PushResponse | None, yaw: float | None = None) -> float:
@@ -104,8 +104,21 @@ def test_where_yaw_is_unseen_the_learners_is_everybodys() -> None:
 
     assert seen(1, None) == 0.0
     assert seen(2, PushResponse(stamp=SECOND // 10, yaw=0.8)) == pytest.approx(0.8)
-    assert seen(3, PushResponse(stamp=SECOND // 10, yaw=-2.0)) == pytest.approx(0.8), "of an earlier one than the last"
-    assert seen(4, PushResponse(stamp=3 * SECOND // 10, yaw=2.0), yaw=0.8) == pytest.approx(0.8), "yaw is seen"
+    assert seen(3, PushResponse(stamp=SECOND // 20, yaw=-2.0)) == pytest.approx(0.8), "of a time that nothing was seen"
+    # Told late, of one before the last: what it is off from what was thought then.
+    assert seen(4, PushResponse(stamp=2 * SECOND // 10, yaw=1.0)) == pytest.approx(1.0)
+    assert seen(5, PushResponse(stamp=2 * SECOND // 10, yaw=1.0)) == pytest.approx(1.0), "not twice"
+    assert seen(6, PushResponse(stamp=5 * SECOND // 10, yaw=2.0), yaw=1.0) == pytest.approx(1.0), "yaw is seen"
+
+
+def test_who_was_not_seen_for_long_has_not_turned_meanwhile() -> None:
+    track = Track()
+    track.robots = [(SECOND, -1.0, 0.0, 0.0), (9 * SECOND, -1.0, 0.0, 0.0)]
+    response = m.prior_response(0.3)
+    track.object_seen(ObjectState(stamp=SECOND, position=Vector2()), BASE, CONTOUR, response)
+    track.state[m.YAW] = 2.0
+    track.object_seen(ObjectState(stamp=9 * SECOND, position=Vector2()), BASE, CONTOUR, response)
+    assert track.state[m.YAW] == 2.0
 
 
 @pytest.mark.parametrize(("thing", "scene", "seed"), [("plane", "corridor-2", 34), ("cart", "corridor-1", 3)])
