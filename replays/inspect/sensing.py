@@ -72,8 +72,9 @@ def _draw_floor(canvas: Canvas, session: Session, where: Places) -> None:
     for floor, pose in zip(track.messages, pose_at(stamps, where.robot_stamps, where.robot), strict=True):
         met = np.array(floor.met, np.bool_)
         if not len(met) == len(floor.bearing) == len(floor.last):
-            met = np.zeros(0, np.bool_)  # mapping leaves such a one out, and says so
-        bearing, last = np.array(floor.bearing)[: len(met)][met], np.array(floor.last)[: len(met)][met]
+            clouds.append(np.empty((0, 2)))  # mapping leaves such a one out, and says so
+            continue
+        bearing, last = np.array(floor.bearing)[met], np.array(floor.last)[met]
         way = np.column_stack([np.cos(bearing), np.sin(bearing)])
         clouds.append(_to_map((floor.position.x, floor.position.y) + last[:, None] * way, pose))
     _points(canvas, "/map/floor", palette.FLOOR_MET, track.times, clouds)

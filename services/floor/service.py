@@ -14,14 +14,13 @@ from runtime.service import Effects, Input, Output, on
 from runtime.time import Time, nanoseconds
 from services.floor.config import FloorConfig
 from services.floor.stretches import Fan, stretches
-from services.vision.appearance import FloorModel, colours, floor_colours, learn, standing
+from services.vision.appearance import FloorModel, unlike
 from services.vision.beams import passed
 from services.vision.camera import Camera, Mount
+from services.vision.derived import Derived
 from services.vision.floor_view import Body, FloorView
 from services.vision.rising import DepthEye, rising
-from services.vision.seeing import BadPicture, Picture, SeeingService, decoded, taken
-
-Mask = NDArray[np.bool_]
+from services.vision.seeing import BadPicture, SeeingService, decoded, taken
 
 _ASIDE = 8
 """beams beside one that have to pass as far for the floor to be learned there: camera and laser see from elsewhere"""
@@ -60,7 +59,7 @@ class FloorService(SeeingService):
     def __init__(self, config: FloorConfig) -> None:
         super().__init__(config)
         self.state = FloorState()
-        self._fan: tuple[Camera, Mount, float, Fan, DepthEye] | None = None
+        self._eyes = Derived(self._made)
 
     @on(image)
     def see(self, image: CompressedImage, now: Time) -> Effects:
@@ -82,20 +81,22 @@ class FloorService(SeeingService):
         if state.stamp is not None and stamp < state.stamp + nanoseconds(self.config.period):
             return
         state.stamp = stamp
-        fan, eye = self._looking(camera, mount, self.status.diameter)
+        fan, eye = self._eyes.of(camera, mount, self.status.diameter)
+        others: NDArray[np.bool_] | None
         try:
             if self.config.sees == "depth":
                 picture = decoded(image, camera, cv2.IMREAD_UNCHANGED, (np.dtype(np.uint16),))
                 others, shown = rising(fan.view, eye, np.asarray(picture, np.float64) / 1000.0)
             else:
                 picture = decoded(image, camera, cv2.IMREAD_COLOR, (3, np.dtype(np.uint8)))
-                others, shown = self._unlike(picture, fan.view), fan.view.looked
+                rgb = np.ascontiguousarray(np.asarray(picture, np.uint8)[..., ::-1])
+                others, shown = unlike(fan.view, state.model, rgb, passed(self.scan, _ASIDE)), fan.view.looked
         except BadPicture as error:
             state.unreadable += 1
             yield self.say(str(error), now, "WARNING")
             return
-        if self.config.sees == "appearance" and not state.model.known:
-            return
+        if others is None:
+            return  # how the floor looks is not known yet
         found = stretches(fan, others, shown)
         below = fan.view.below
         yield self.floor(
@@ -109,18 +110,8 @@ class FloorService(SeeingService):
             )
         )
 
-    def _unlike(self, picture: Picture, view: FloorView) -> Mask:
-        """Return which pixels, (h, w), do not look like the floor, and learn how it looks."""
-        model = self.state.model
-        bins = colours(np.ascontiguousarray(np.asarray(picture, np.uint8)[..., ::-1]))
-        learn(model, bins, view.pixels_of(passed(self.scan, _ASIDE)))
-        return standing(view, bins, floor_colours(model))
-
-    def _looking(self, camera: Camera, mount: Mount, diameter: float) -> tuple[Fan, DepthEye]:
-        """Return what the pixels look at; made anew only when camera, mount or base, d_r in m, is another."""
-        known = self._fan
-        if known is None or known[0] is not camera or known[1] is not mount or known[2] != diameter:
-            body = Body(0.5 * diameter, self.config.base_height)
-            view = FloorView.of(camera, mount, body, self.config.furthest)
-            known = self._fan = (camera, mount, diameter, Fan.of(view, self.config.furthest), DepthEye.of(camera))
-        return known[3], known[4]
+    def _made(self, camera: Camera, mount: Mount, diameter: float) -> tuple[Fan, DepthEye]:
+        """Return what the pixels look at; d_r in m."""
+        body = Body(0.5 * diameter, self.config.base_height)
+        view = FloorView.of(camera, mount, body, self.config.furthest)
+        return Fan.of(view, self.config.furthest), DepthEye.of(camera)

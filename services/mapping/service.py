@@ -259,11 +259,10 @@ class MappingService(Service):
         thing = self.state.object
         if thing is None or thing.visibility == Visibility.LOST:
             return None
-        dx, dy = (thing.position.x, thing.position.y) - self._shift[:2] - pose[:2]
-        c, s = math.cos(pose[2]), math.sin(pose[2])
+        place = np.array((thing.position.x, thing.position.y, 0.0)) - self._shift
         # It may have been pushed on since it was seen.
         late = max(stamp - thing.stamp, 0) / SECOND * self.config.object_speed
-        return np.array((c * dx + s * dy, -s * dx + c * dy)), 0.5 * thing.diameter + self.config.object_margin + late
+        return between(pose, place)[:2], 0.5 * thing.diameter + self.config.object_margin + late
 
     def _where(self, odometry_pose: Array, odometry: Odometry) -> Publication:
         state, particles = self.state, self.state.particles

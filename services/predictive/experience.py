@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from services.predictive.fit import STEP, carried, median_error, search
+from services.predictive.fit import OFF_CONTOUR, STEP, carried, median_error, search
 from services.predictive.heading import Heading
 from services.predictive.known import Known, observed, prior_spread
 from services.predictive.model import CONTOUR, RESPONSE, basis, prior_contour, prior_response, radius
@@ -37,7 +37,6 @@ _LIMIT_NOISE = 0.01
 _SLACK = 0.015
 _GOLDEN = 2.399963
 _MOVED = 0.02
-_OFF_CONTOUR = 0.05
 _TRUST = 2.0
 
 
@@ -170,7 +169,7 @@ class Experience:
         beyond = self._closest(own)
         if travel < _MOVED:
             beyond = min(beyond, 0.0)
-        beyond = min(max(beyond, -_OFF_CONTOUR), _OFF_CONTOUR)
+        beyond = min(max(beyond, -OFF_CONTOUR), OFF_CONTOUR)
         start = np.array([*pose[2:5], *velocity[2:5], beyond])
         # What lay still and was to lie still teaches nothing, and would crowd out what does.
         expected = carried(self.response, own[:, [0, 1, 5]].copy(), start, base, self.contour)
@@ -192,7 +191,8 @@ class Experience:
         stamp = self.rows[-1][0] - round((_ROWS - 1 - _LEAD) * STEP * 1e9)
         self.stamps = [*self.stamps[-_WINDOWS + 1 :], stamp]
         rows, end = np.ascontiguousarray(own[:, [0, 1, 2, 3, 5]]), self.ends[-1]
-        first, last = self.heading.observe(stamp, rows, start, end[:2].copy(), base, self.contour, self.response)
+        lag = int(self._lags()[-2]) if len(self.stamps) > 1 else 0
+        first, last = self.heading.observe(lag, rows, start, end[:2].copy(), base, self.contour, self.response)
         correction = last - float(end[2])
         self.starts[-1, 2], self.ends[-1, 2] = first, last
         self.rows = [(*row[:5], row[5] + correction, row[6]) for row in self.rows]

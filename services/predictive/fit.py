@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 
 STEP = 0.05
 """s between the observations of a window"""
+OFF_CONTOUR = 0.05
+"""m that the contour may be off where they touch"""
 
 _NOISE = 0.006
 _ROBUST = 4.0
@@ -48,17 +50,23 @@ _TOGETHER = 20
 """windows through which a response that was not seen to turn anything is followed from one to the next"""
 
 
-@njit("UniTuple(f8,4)(f8[::1],f8[:,::1],f8[::1],f8,f8[::1],f8[::1],i8)", cache=True)
-def _carry(
-    response: Array, robots: Array, start: Array, yaw: float, base: Array, contour: Array, lag: int
-) -> tuple[float, float, float, float]:
-    """Return the object's pose at the end of a window that begins with `yaw`, and its yaw at the observation `lag`."""
+@njit("UniTuple(f8,3)(f8[::1],f8[:,::1],f8[::1],f8,f8,f8[::1],f8[::1],f8[:])", cache=True)
+def carry(
+    response: Array, robots: Array, start: Array, yaw: float, beyond: float, base: Array, contour: Array, yaws: Array
+) -> tuple[float, float, float]:
+    """Return the object's pose at the end of a window that begins with `yaw`.
+
+    Args:
+        beyond: m, how far beyond the contour they touched.
+        yaws: (SAMPLES,), where yaw at each observation is written to; (0,): it is not wanted.
+    """
     state = np.zeros(STATE)
     state[X], state[Y], state[YAW] = start[0], start[1], yaw
     state[VX], state[VY], state[OMEGA] = start[3], start[4], start[5]
     contour = contour.copy()
-    contour += start[6]
-    then = yaw
+    contour += beyond
+    if len(yaws):
+        yaws[0] = yaw
     for k in range(1, len(robots)):
         state[RX], state[RY] = robots[k, 0], robots[k, 1]
         before = max(k - 2, 0)
@@ -68,15 +76,15 @@ def _carry(
         state[RVY] = (robots[after, 1] - robots[before, 1]) / duration
         state[TURN] = robots[k, 2]
         answer(state, STEP, base, contour, response)
-        if k == lag:
-            then = state[YAW]
-    return state[X], state[Y], state[YAW], then
+        if len(yaws):
+            yaws[k] = state[YAW]
+    return state[X], state[Y], state[YAW]
 
 
 @njit("f8[::1](f8[::1],f8[:,::1],f8[::1],f8[::1],f8[::1])", cache=True)
 def carried(response: Array, robots: Array, start: Array, base: Array, contour: Array) -> Array:
     """Return the object's pose, (3,), at the end of a window as `response` has it."""
-    x, y, yaw, _ = _carry(response, robots, start, start[2], base, contour, 0)
+    x, y, yaw = carry(response, robots, start, start[2], start[6], base, contour, np.empty(0))
     return np.array([x, y, yaw])
 
 
@@ -127,12 +135,13 @@ def _cost_unseen(
     What is thought of yaw came from the response that was held then, and speaks for it. So half of the cost is that of
     a response that says itself how the object has turned, from one window to the next.
     """
-    last = len(ends)
+    last, yaws = len(ends), np.empty(robots.shape[1])
     while last > 0 and total <= bound:
         first = max(last - _TOGETHER, 0)
         yaw = starts[first, 2]
         for i in range(first, last):
-            x, y, _, yaw = _carry(response, robots[i], starts[i], yaw, base, contour, lags[i])
+            x, y, _ = carry(response, robots[i], starts[i], yaw, starts[i, 6], base, contour, yaws)
+            yaw = yaws[lags[i]]
             total += 0.5 * _penalty(math.hypot(x - ends[i, 0], y - ends[i, 1]) / _NOISE, 0.0)
             away, turned = _miss(response, robots[i], starts[i], ends[i], base, contour)
             total += 0.5 * _penalty(away / _NOISE, turned / _THOUGHT)

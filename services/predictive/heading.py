@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from services.predictive.model import OMEGA, RVX, RVY, RX, RY, STATE, TURN, VX, VY, YAW, X, Y, answer, radius
+from services.predictive.fit import OFF_CONTOUR, carry
+from services.predictive.model import radius
 
 Array = NDArray[np.float64]
 
@@ -25,14 +26,10 @@ BINS = 72
 _WIDTH = 2.0 * math.pi / BINS
 _ANYWHERE, _UNBELIEVED = 1e-15, 1e-9
 """belief in every bin; belief below which a bin is not looked at"""
-_STEP = 0.05
-"""s between the observations of a window"""
 _NOISE, _ROBUST = 0.010, 4.0
 """m that ends of windows are off by their noise and the model's faults; deviations at which more tells no more"""
 _LEAST, _OF_TURN, _OF_WAY = 0.02, 0.3, 0.4
 """rad, share of a turn, and rad/m of the object's way, that the model's turn is off from window to window"""
-_OFF_CONTOUR = 0.05
-"""m that the contour may be off where they touch"""
 _FAR = 0.6
 """rad around the likeliest bin over which the mean is taken"""
 
@@ -45,32 +42,29 @@ class Heading:
         belief: (BINS,), that yaw at the start of the last window lies in the bin around 2 pi k / BINS; sums to 1.
         turns: (SAMPLES, BINS), rad, how far the model turns it from there until each observation of that window.
         way: m that the object went in it.
-        stamp: ns, of its first observation.
     """
 
     belief: Array = field(default_factory=lambda: np.eye(1, BINS)[0])
     turns: Array = field(default_factory=lambda: np.zeros((0, BINS)))
     way: float = 0.0
-    stamp: int = 0
 
     def observe(
-        self, stamp: int, rows: Array, start: Array, end: Array, base: Array, contour: Array, response: Array
+        self, lag: int, rows: Array, start: Array, end: Array, base: Array, contour: Array, response: Array
     ) -> tuple[float, float]:
         """Take a window, and return yaw at its start and at its end.
 
         Args:
-            stamp: ns, of its first observation.
+            lag: at which observation of the last window this one begins; of no account for the first.
             rows: (SAMPLES, 5), x, y of the robot, of the object, rate of the robot's turn.
             start: (7,), as in `experience`; its yaw and how far beyond the contour they touched are of no account.
             end: (2,), where the object ended.
         """
         if len(self.turns):
-            lag = min(max(round((stamp - self.stamp) * 1e-9 / _STEP), 0), len(self.turns) - 1)
             self.belief = _moved(self.belief, self.turns[lag], self.way)
         misses, self.turns = _carried(self.belief, rows, start, end, base, contour, response)
         self.belief *= _likelihood(misses)
         self.belief /= self.belief.sum()
-        self.stamp, self.way = stamp, math.dist(rows[0, 2:4], rows[-1, 2:4])
+        self.way = math.dist(rows[0, 2:4], rows[-1, 2:4])
         best = int(np.argmax(self.belief))
         off = (np.arange(BINS) - best + BINS // 2) % BINS - BINS // 2
         share = np.where(np.abs(off) * _WIDTH < _FAR, self.belief, 0.0)
@@ -89,31 +83,22 @@ def _likelihood(misses: Array) -> Array:
     return found
 
 
-@njit("Tuple((i8,i8,f8,f8))(i8,f8,f8)", cache=True)
-def _reach(b: int, turn: float, way: float) -> tuple[int, int, float, float]:
-    """Return the middle bin after a turn, how many around it are reached, where exactly, and the deviation, in bins."""
-    sigma = math.sqrt(_LEAST**2 + (_OF_TURN * turn) ** 2 + (_OF_WAY * way) ** 2 + _WIDTH**2 / 12.0) / _WIDTH
-    middle = b + turn / _WIDTH
-    return math.floor(middle + 0.5), int(3.0 * sigma) + 1, middle, sigma
-
-
-@njit("void(i8,f8,f8,f8,f8[::1])", cache=True)
-def _spread(b: int, turn: float, way: float, share: float, after: Array) -> None:
-    nearest, reach, middle, sigma = _reach(b, turn, way)
-    total = 0.0
-    for j in range(nearest - reach, nearest + reach + 1):
-        total += math.exp(-0.5 * ((j - middle) / sigma) ** 2)
-    for j in range(nearest - reach, nearest + reach + 1):
-        after[j % len(after)] += share * math.exp(-0.5 * ((j - middle) / sigma) ** 2) / total
-
-
 @njit("f8[::1](f8[::1],f8[::1],f8)", cache=True)
 def _moved(belief: Array, turns: Array, way: float) -> Array:
     """Return the belief after each bin has turned by `turns`, (BINS,), less sure by what the model does not know."""
     after = np.full(len(belief), _ANYWHERE)
     for b in range(len(belief)):
-        if belief[b] > _ANYWHERE:
-            _spread(b, turns[b], way, belief[b], after)
+        if belief[b] <= _ANYWHERE:
+            continue
+        # All in bins from here.
+        off = math.sqrt(_LEAST**2 + (_OF_TURN * turns[b]) ** 2 + (_OF_WAY * way) ** 2 + _WIDTH**2 / 12.0)
+        sigma, middle = off / _WIDTH, b + turns[b] / _WIDTH
+        nearest, reach = math.floor(middle + 0.5), int(3.0 * sigma) + 1
+        total = 0.0
+        for j in range(nearest - reach, nearest + reach + 1):
+            total += math.exp(-0.5 * ((j - middle) / sigma) ** 2)
+        for j in range(nearest - reach, nearest + reach + 1):
+            after[j % len(after)] += belief[b] * math.exp(-0.5 * ((j - middle) / sigma) ** 2) / total
     return after / after.sum()
 
 
@@ -121,10 +106,10 @@ def _moved(belief: Array, turns: Array, way: float) -> Array:
 def _carried(
     belief: Array, rows: Array, start: Array, end: Array, base: Array, contour: Array, response: Array
 ) -> tuple[Array, Array]:
-    """Return how far from its end the object is predicted from each bin, (BINS,), m, and its turns, (SAMPLES,
-    BINS), rad."""
+    """Return how far, m, from its end each bin brings the object, (BINS,), and how it turns, rad, (SAMPLES, BINS)."""
     misses, turns = np.full(BINS, np.inf), np.zeros((len(rows), BINS))
-    last = len(rows) - 1
+    robots, yaws = np.empty((len(rows), 3)), np.empty(len(rows))
+    robots[:, 0], robots[:, 1], robots[:, 2] = rows[:, 0], rows[:, 1], rows[:, 4]
     for b in range(BINS):
         if belief[b] < _UNBELIEVED:
             continue
@@ -135,19 +120,9 @@ def _carried(
             dx, dy = rows[k, 0] - rows[k, 2], rows[k, 1] - rows[k, 3]
             gap = math.sqrt(dx * dx + dy * dy) - radius(contour, math.atan2(dy, dx) - yaw)[0]
             beyond = min(beyond, gap)
-        own = contour + min(max(beyond, -_OFF_CONTOUR), _OFF_CONTOUR)
-        state = np.zeros(STATE)
-        state[X], state[Y], state[YAW] = start[0], start[1], yaw
-        state[VX], state[VY], state[OMEGA] = start[3], start[4], start[5]
-        for k in range(1, len(rows)):
-            state[RX], state[RY] = rows[k, 0], rows[k, 1]
-            before, after = max(k - 2, 0), min(k + 1, last)
-            duration = (after - before) * _STEP
-            state[RVX] = (rows[after, 0] - rows[before, 0]) / duration
-            state[RVY] = (rows[after, 1] - rows[before, 1]) / duration
-            state[TURN] = rows[k, 4]
-            answer(state, _STEP, base, own, response)
-            turns[k, b] = state[YAW] - yaw
-        dx, dy = state[X] - end[0], state[Y] - end[1]
+        beyond = min(max(beyond, -OFF_CONTOUR), OFF_CONTOUR)
+        x, y, _ = carry(response, robots, start, yaw, beyond, base, contour, yaws)
+        turns[:, b] = yaws - yaw
+        dx, dy = x - end[0], y - end[1]
         misses[b] = math.sqrt(dx * dx + dy * dy)
     return misses, turns

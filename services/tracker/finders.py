@@ -21,6 +21,7 @@ from services.tracker.sight import placed
 from services.tracker.tags import dictionary, finder
 from services.vision.appearance import FloorModel
 from services.vision.camera import Camera, Mount
+from services.vision.derived import Derived
 from services.vision.floor_view import Body, FloorView
 from services.vision.plane import NoPlane
 from services.vision.rising import DepthEye, support
@@ -153,11 +154,11 @@ class AppearanceFinder:
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config
         self._sought = _sought(config)
-        self._view: tuple[Camera, Mount, float, FloorView] | None = None
+        self._floor = Derived(self._made)
 
     def find(self, picture: Picture, view: View, memory: Memory) -> Sighting | None:
         """Return the object in a picture, (H, W, 3), uint8, BGR; None if nothing is where it can be."""
-        floor = self._floor(view)
+        floor = self._floor.of(view.camera, view.mount, view.robot_diameter)
         rgb = np.ascontiguousarray(np.asarray(picture, np.uint8)[..., ::-1])
         free = view.free
         if view.hint is not None:
@@ -179,19 +180,9 @@ class AppearanceFinder:
             region = replace(region, centre=region.centre + _resized(region, hint, floor.below))
         return _sighting(region, view)
 
-    def _floor(self, view: View) -> FloorView:
-        """Return what the pixels see of the floor; made anew only when the camera or its mount is another."""
-        known = self._view
-        if (
-            known is None
-            or known[0] is not view.camera
-            or known[1] is not view.mount
-            or known[2] != view.robot_diameter
-        ):
-            body = Body(0.5 * view.robot_diameter, self._config.base_height)
-            made = FloorView.of(view.camera, view.mount, body, self._config.furthest)
-            known = self._view = (view.camera, view.mount, view.robot_diameter, made)
-        return known[3]
+    def _made(self, camera: Camera, mount: Mount, diameter: float) -> FloorView:
+        """Return what the pixels see of the floor."""
+        return FloorView.of(camera, mount, Body(0.5 * diameter, self._config.base_height), self._config.furthest)
 
 
 class DepthFinder:
@@ -203,11 +194,11 @@ class DepthFinder:
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config
         self._sought = _sought(config)
-        self._eye: tuple[Camera, Mount, float, DepthEye, NDArray[np.bool_]] | None = None
+        self._eye = Derived(self._made)
 
     def find(self, picture: Picture, view: View, memory: Memory) -> Sighting | None:  # noqa: ARG002, all finders alike
         """Return the object in a picture of millimetres, (H, W), uint16; None if nothing is where it can be."""
-        eye, body = self._looking(view)
+        eye, body = self._eye.of(view.camera, view.mount, view.robot_diameter)
         depth = np.where(body, 0.0, np.asarray(picture, np.float64) / 1000.0)
         try:
             plane = support(eye, depth, view.mount)
@@ -216,20 +207,12 @@ class DepthFinder:
         region = _chosen(things(eye, depth, plane), self._sought, view.hint)
         return None if region is None else _sighting(region, view)
 
-    def _looking(self, view: View) -> tuple[DepthEye, NDArray[np.bool_]]:
+    def _made(self, camera: Camera, mount: Mount, diameter: float) -> tuple[DepthEye, NDArray[np.bool_]]:
         """Return the eye, and which pixels, (H, W), show the top of the robot's own body."""
-        known = self._eye
-        if (
-            known is None
-            or known[0] is not view.camera
-            or known[1] is not view.mount
-            or known[2] != view.robot_diameter
-        ):
-            eye = DepthEye.of(view.camera)
-            top = view.mount.on_plane(eye.rays.reshape(-1, 3), self._config.base_height)
-            body = np.hypot(*top.T) < 0.5 * view.robot_diameter + _RIM
-            known = self._eye = (view.camera, view.mount, view.robot_diameter, eye, body.reshape(eye.rays.shape[:2]))
-        return known[3], known[4]
+        eye = DepthEye.of(camera)
+        top = mount.on_plane(eye.rays.reshape(-1, 3), self._config.base_height)
+        body = np.hypot(*top.T) < 0.5 * diameter + _RIM
+        return eye, body.reshape(eye.rays.shape[:2])
 
 
 def finder_of(config: TrackerConfig) -> TagFinder | AppearanceFinder | DepthFinder:

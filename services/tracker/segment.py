@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.tracker.contact import contours
 from services.tracker.footprint import footprint
 from services.tracker.region import Region
-from services.vision.appearance import FloorModel, Picture, colours, floor_colours, learn, standing
+from services.vision.appearance import FloorModel, Picture, unlike
 from services.vision.floor_view import FloorView
 
 Array = NDArray[np.float64]
@@ -44,11 +44,10 @@ def by_colour(view: FloorView, model: FloorModel, picture: Picture, free: Array)
         model: how the floor looks; it learns from this picture first.
         free: (N, 2), m, base frame, points of the floor that are known to be free and that nothing hides.
     """
-    bins = colours(picture)
-    learn(model, bins, view.pixels_of(free))
-    if not model.known:
+    others = unlike(view, model, picture, free)
+    if others is None:
         return []
-    found = [footprint(view, one) for one in contours(view, standing(view, bins, floor_colours(model)))]
+    found = [footprint(view, one) for one in contours(view, others)]
     return sorted(found, key=lambda one: one.nearest)
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from services.vision.floor_view import SHRINK, FloorView
 
+Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 Histogram = NDArray[np.float32]
@@ -87,6 +88,20 @@ def standing(view: FloorView, bins: NDArray[np.int32], floor: Mask) -> Mask:
     other = (~floor[bins] & view.looked).astype(np.uint8)
     # A majority of the 5 x 5 pixels around moves no straight edge, unlike opening and closing.
     return np.asarray((cv2.medianBlur(other, 5) > 0) & view.looked)
+
+
+def unlike(view: FloorView, model: FloorModel, picture: Picture, free: Array) -> Mask | None:
+    """Return which of the view's pixels, (h, w), of a picture, (H, W, 3) RGB, do not show floor.
+
+    None before it is known how that looks.
+
+    Args:
+        model: how the floor looks; it learns from this picture first.
+        free: (N, 2), m, base frame, points of the floor that are known to be free and that nothing hides.
+    """
+    bins = colours(picture)
+    learn(model, bins, view.pixels_of(free))
+    return standing(view, bins, floor_colours(model)) if model.known else None
 
 
 def _kernel(size: int) -> NDArray[np.float32]:

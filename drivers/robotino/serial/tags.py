@@ -234,6 +234,26 @@ def gyro(data: bytes) -> Gyro:
     return Gyro(angle, rate)
 
 
+def charger(data: bytes) -> ChargerInfo:
+    """Return what tag 80 says, which the board sends unasked.
+
+    Raises:
+        BadTag: it is too short, or a number is not finite.
+    """
+    if len(data) < _CHARGER.size:
+        raise BadTag(f"tag 80 with {len(data)} bytes, expected {_CHARGER.size} and a text")
+    number, _, volts, amperes, first, second, state = _CHARGER.unpack(data[: _CHARGER.size])
+    _finite(Tag.CHARGER_INFO, (volts, amperes, first, second))
+    name = CHARGER_STATES[state] if state < len(CHARGER_STATES) else f"state {state}"
+    return ChargerInfo(number, volts, amperes, (first, second), name, text(data[_CHARGER.size :]))
+
+
+def pack_charger(found: ChargerInfo) -> tuple[int, bytes]:
+    """Return tag 80, as a board sends it."""
+    numbers = (found.number, 0, found.volts, found.amperes, *found.temperatures, CHARGER_STATES.index(found.state))
+    return (Tag.CHARGER_INFO, _CHARGER.pack(*numbers) + found.words.encode())
+
+
 def flag(tag: Tag, data: bytes) -> bool:
     """Return the one byte of a tag as a truth value.
 
@@ -259,24 +279,3 @@ def _check(tag: Tag, data: bytes, length: int) -> None:
 def _finite(tag: Tag, numbers: Iterable[float]) -> None:
     if not all(map(isfinite, numbers)):
         raise BadTag(f"{tag.name} holds {tuple(numbers)}, expected finite numbers")
-
-
-def charger(data: bytes) -> ChargerInfo:
-    """Return what tag 80 says, which the board sends unasked.
-
-    Raises:
-        BadTag: it is too short, or a number is not finite.
-    """
-    if len(data) < _CHARGER.size:
-        raise BadTag(f"tag 80 with {len(data)} bytes, expected {_CHARGER.size} and a text")
-    number, _, volts, amperes, first, second, state = _CHARGER.unpack(data[: _CHARGER.size])
-    if not all(map(isfinite, (volts, amperes, first, second))):
-        raise BadTag(f"charger {number}: {volts} V, {amperes} A, {first} and {second} degrees, expected finite numbers")
-    name = CHARGER_STATES[state] if state < len(CHARGER_STATES) else f"state {state}"
-    return ChargerInfo(number, volts, amperes, (first, second), name, text(data[_CHARGER.size :]))
-
-
-def pack_charger(found: ChargerInfo) -> tuple[int, bytes]:
-    """Return tag 80, as a board sends it."""
-    numbers = (found.number, 0, found.volts, found.amperes, *found.temperatures, CHARGER_STATES.index(found.state))
-    return (Tag.CHARGER_INFO, _CHARGER.pack(*numbers) + found.words.encode())

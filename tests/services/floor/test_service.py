@@ -11,12 +11,12 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
-from runtime.messages import CameraCalibration, CompressedImage, FrameTransform, LaserScan, Log, RobotStatus, SeenFloor
+from runtime.messages import CompressedImage, LaserScan, Log, RobotStatus, SeenFloor
 from runtime.service import Publication
 from runtime.time import SECOND, Time
 from services.floor.config import FloorConfig
 from services.floor.service import FloorService
-from tests.services.tracker.scenes import Thing, camera, cast, measured, mount, picture
+from tests.services.tracker.scenes import Thing, calibration_of, camera, cast, measured, mount, picture, transform_of
 
 EYE, ON = camera(), mount()
 THING = Thing(1.0, 0.2, 0.3, 0.2, 0.5, height=0.3)
@@ -68,15 +68,8 @@ def clear() -> LaserScan:
 def floor(**values: object) -> Fed:
     found = Fed(FloorService(FloorConfig(**values)))  # type: ignore[arg-type]
     found.give("status", RobotStatus(diameter=0.45))
-    k = EYE.matrix.ravel().tolist()
-    found.give("calibration", CameraCalibration(width=640, height=480, K=k, D=[0.0] * 5))
-    where = FrameTransform()
-    where.translation.x, where.translation.z = ON.position[0], ON.position[2]
-    turn = cv2.Rodrigues(ON.rotation)[0].ravel()
-    angle = float(np.linalg.norm(turn))
-    q = np.sin(angle / 2) * turn / angle
-    where.rotation.x, where.rotation.y, where.rotation.z, where.rotation.w = *q, np.cos(angle / 2)
-    found.give("camera/mount", where)
+    found.give("calibration", calibration_of(EYE))
+    found.give("camera/mount", transform_of(ON))
     found.give("scan", clear())
     return found
 

@@ -28,13 +28,12 @@ CONTOUR = m.prior_contour(0.46, 0.3)
 SAMPLES = 9
 
 
-def windows(response: Array, yaw: float, count: int) -> list[tuple[int, Array, Array, Array, float, float]]:
+def windows(response: Array, yaw: float, count: int) -> list[tuple[Array, Array, Array, float, float]]:
     """Return windows, as Heading takes them, of an object that is pushed from all sides, and yaw at start and end."""
     generator = np.random.default_rng(3)
     state = np.zeros(m.STATE)
     state[m.YAW] = yaw
     found = []
-    time = 0
     for _ in range(count):
         angle = float(generator.uniform(-math.pi, math.pi))
         state[m.RX] = state[m.X] - 0.36 * math.cos(angle)
@@ -48,8 +47,7 @@ def windows(response: Array, yaw: float, count: int) -> list[tuple[int, Array, A
             if k < SAMPLES - 1:
                 m.step(state, 0.3 * math.cos(way), 0.3 * math.sin(way), 0.0, 0.05, BASE, CONTOUR, response)
         end = state[[m.X, m.Y]].copy()
-        found.append((time, np.array(rows), start, end, float(start[2]), float(state[m.YAW])))
-        time += 400_000_000
+        found.append((np.array(rows), start, end, float(start[2]), float(state[m.YAW])))
     return found
 
 
@@ -72,8 +70,8 @@ def test_wheels_tell_how_they_are_turned_from_no_belief_at_all() -> None:
     heading = Heading(belief=np.full(BINS, 1.0 / BINS))
     response = wheels()
     errors = []
-    for stamp, rows, start, end, first, last in windows(response, 2.0, 25):
-        found = heading.observe(stamp, rows, start, end, BASE, CONTOUR, response)
+    for rows, start, end, first, last in windows(response, 2.0, 25):
+        found = heading.observe(SAMPLES - 1, rows, start, end, BASE, CONTOUR, response)
         errors.append((wrapped(found[0] - first), wrapped(found[1] - last)))
     assert np.abs(errors[8:]).max() < math.radians(8.0)
 
@@ -82,8 +80,8 @@ def test_a_disc_is_thought_to_turn_as_the_model_says_and_no_other_way() -> None:
     response = m.prior_response(0.3)
     heading = Heading()
     reckoned, off = 0.0, []
-    for stamp, rows, start, end, first, last in windows(response, 0.7, 20):
-        found = heading.observe(stamp, rows, start, end, BASE, CONTOUR, response)
+    for rows, start, end, first, last in windows(response, 0.7, 20):
+        found = heading.observe(SAMPLES - 1, rows, start, end, BASE, CONTOUR, response)
         off.append(wrapped(found[0] - reckoned))
         reckoned += last - first
     # Its frame is as it lay at first; bins are 5 degrees.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from runtime.messages import CameraCalibration, FrameTransform
 from services.vision.camera import Camera, Mount
 
 
@@ -117,3 +118,20 @@ def free_floor(things: list[Thing], seed: int = 0, reach: float = 3.0, count: in
         range_ = np.where(behind, np.minimum(range_, off - thing.diameter / 2 - 0.05), range_)
     far = 0.3 + rng.uniform(0.0, 1.0, count) * (range_ - 0.3)
     return (far[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))[far > 0.29]
+
+
+def calibration_of(eye: Camera) -> CameraCalibration:
+    """Return what a camera without distortion says of itself."""
+    k = eye.matrix.ravel().tolist()
+    return CameraCalibration(width=eye.width, height=eye.height, distortion_model="plumb_bob", K=k, D=[0.0] * 5)
+
+
+def transform_of(on: Mount) -> FrameTransform:
+    """Return a mount as it is said, its turn made a quaternion by axis and angle."""
+    found = FrameTransform()
+    found.translation.x, found.translation.y, found.translation.z = on.position
+    turn = cv2.Rodrigues(on.rotation)[0].ravel()
+    angle = float(np.linalg.norm(turn))
+    q = np.sin(angle / 2) * turn / angle
+    found.rotation.x, found.rotation.y, found.rotation.z, found.rotation.w = *q, math.cos(angle / 2)
+    return found

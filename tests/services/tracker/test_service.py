@@ -31,7 +31,7 @@ from services.geometry.pose import between
 from services.tracker.config import TrackerConfig
 from services.tracker.service import TrackerService
 from tests.services.tracker.pictures import picture as marker
-from tests.services.tracker.scenes import Thing, camera, cast, mount, picture
+from tests.services.tracker.scenes import Thing, calibration_of, camera, cast, mount, picture, transform_of
 
 EYE, ON = camera(), mount()
 ROBOT = (1.0, 2.0, 0.5)
@@ -108,28 +108,11 @@ def scan(things: list[Thing], now: Time) -> LaserScan:
     return found
 
 
-def calibration() -> CameraCalibration:
-    k = EYE.matrix.ravel().tolist()
-    return CameraCalibration(width=640, height=480, distortion_model="plumb_bob", K=k, D=[0.0] * 5)
-
-
-def transform() -> FrameTransform:
-    """Return the mount of `scenes`: 45 degrees down, 0.9 m high."""
-    found = FrameTransform()
-    found.translation.x, found.translation.z = 0.1, 0.9
-    # Of the matrix in `scenes.mount`, by its axis and angle.
-    turn = cv2.Rodrigues(ON.rotation)[0].ravel()
-    angle = float(np.linalg.norm(turn))
-    q = np.sin(angle / 2) * turn / angle
-    found.rotation.x, found.rotation.y, found.rotation.z, found.rotation.w = *q, math.cos(angle / 2)
-    return found
-
-
 def tracker(**values: object) -> Fed:
     found = Fed(TrackerService(TrackerConfig(**values)))  # type: ignore[arg-type]
     found.give("status", RobotStatus(diameter=0.45))
-    found.give("calibration", calibration())
-    found.give("camera/mount", transform())
+    found.give("calibration", calibration_of(EYE))
+    found.give("camera/mount", transform_of(ON))
     return found
 
 
