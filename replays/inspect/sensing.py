@@ -62,6 +62,16 @@ def _points(
     canvas.columns(entity, times, rr.Points3D.columns(positions=positions).partition([len(c) for c in clouds]))
 
 
+def met_by(floor: SeenFloor) -> NDArray[np.float64]:
+    """Return where something stands on the floor, (N, 2), m, base frame; nothing where columns do not fit together."""
+    met = np.array(floor.met, np.bool_)
+    if not len(met) == len(floor.bearing) == len(floor.last):
+        return np.empty((0, 2))  # mapping leaves such a one out, and says so
+    bearing, last = np.array(floor.bearing)[met], np.array(floor.last)[met]
+    way = np.column_stack([np.cos(bearing), np.sin(bearing)])
+    return np.asarray((floor.position.x, floor.position.y) + last[:, None] * way)
+
+
 def _draw_floor(canvas: Canvas, session: Session, where: Places) -> None:
     """A point where the camera sees something stand on the floor."""
     track = session.track("floor", SeenFloor)
@@ -70,13 +80,7 @@ def _draw_floor(canvas: Canvas, session: Session, where: Places) -> None:
     clouds: list[NDArray[np.float64]] = []
     stamps = np.array([floor.stamp for floor in track.messages], np.int64)
     for floor, pose in zip(track.messages, pose_at(stamps, where.robot_stamps, where.robot), strict=True):
-        met = np.array(floor.met, np.bool_)
-        if not len(met) == len(floor.bearing) == len(floor.last):
-            clouds.append(np.empty((0, 2)))  # mapping leaves such a one out, and says so
-            continue
-        bearing, last = np.array(floor.bearing)[met], np.array(floor.last)[met]
-        way = np.column_stack([np.cos(bearing), np.sin(bearing)])
-        clouds.append(_to_map((floor.position.x, floor.position.y) + last[:, None] * way, pose))
+        clouds.append(_to_map(met_by(floor), pose))
     _points(canvas, "/map/floor", palette.FLOOR_MET, track.times, clouds)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from replays.inspect import to_rrd
+from replays.inspect.sensing import met_by
 from replays.inspect.session import read_session
 from runtime.messages import LaserScan, OccupancyGrid, PushBehaviour, RobotPose, SeenFloor
 from tests.replays.inspect.rrd import column
@@ -93,6 +94,12 @@ def test_what_the_camera_meets_on_the_floor_is_placed_by_where_the_robot_was(pus
             y + ahead * np.sin(theta) + aside * np.cos(theta),
         ]
         assert np.array(row)[:, :2] == pytest.approx(np.array([expected]), abs=0.03)
+
+
+def test_floor_whose_columns_do_not_fit_together_is_not_drawn_and_ends_nothing() -> None:
+    assert len(met_by(SeenFloor(bearing=[0.1], first=[0.2], last=[1.0], met=[True]))) == 1
+    assert len(met_by(SeenFloor(bearing=[0.1, 0.2], first=[0.2], last=[1.0], met=[True]))) == 0
+    assert len(met_by(SeenFloor(bearing=[0.1], first=[0.2], met=[True, True, True]))) == 0
 
 
 def test_the_map_has_its_lowest_row_last(push: Path, rrd: Path) -> None:

@@ -270,6 +270,8 @@ def test_floor_that_makes_no_sense_or_is_of_another_time_harms_nothing() -> None
     before, now = found.service.snapshot(), found.now
     found.now = SECOND // 100
     look_down(found, (0.0, 0.2, 1.0, True))
+    found.now = now + SECOND  # the odometry has stopped: nobody knows from where this was seen
+    look_down(found, (0.0, 0.2, 1.0, True))
     found.now = now
     assert found.service.snapshot() == before
     columns = SeenFloor(stamp=found.now, bearing=[0.0], first=[0.1, 0.2], last=[1.0], met=[True])
