@@ -32,7 +32,7 @@ class Mapped:
     """What came of a log.
 
     Attributes:
-        poses: (K, 3), of the particle with the largest weight at the end, all along its past.
+        poses: (K, 3), the mean of the particles that are near the best one at the end, all along their past.
         raw: (K, 3), by odometry alone.
         cells: (H, W), 0 free, 100 occupied, 255 unknown; corner: (2,), m, of the first.
         ticks: (K,), s, that each scan took.
@@ -100,8 +100,9 @@ def run(
     cells, corner = particles.maps.picture(particles.best)
     back = np.array([*shift, 0.0])
     owners = particles.maps.owners
+    poses = np.array([particles.mean(then) for then in past.swapaxes(0, 1)])
     return Mapped(
-        past[particles.best] + back, np.array(raw) + back, cells, corner + shift, np.array(ticks), selections,
+        poses + back, np.array(raw) + back, cells, corner + shift, np.array(ticks), selections,
         int((owners > 0).sum()), int(owners.sum()),
     )  # fmt: skip
 

@@ -40,6 +40,11 @@ _NOISE, _ROUNDS, _ASIDE = 0.015, 6, 0.06
 """m, deviation of beams' ends from surfaces; steps of the last match at most; m that it may go"""
 _LEAST = (0.001, 0.001, 0.0003)
 """m, m, rad: least deviations of the Gaussian"""
+_EVIDENCE = 0.1
+"""share of a scan's likelihood that counts for the weights: what differs from map to map is mostly where noise has left
+its cells. With all of it few particles were left in a passage, for no reason, and their errors were common to all"""
+_TOGETHER = 0.5
+"""m from the best particle within which others tell the same story"""
 
 
 @dataclass
@@ -95,21 +100,37 @@ class Particles:
         weights = np.exp(self.log_weights - self.log_weights.max())
         return np.asarray(weights / weights.sum())
 
+    def mean(self, poses: Array) -> Array:
+        """Return the weighted mean, (3,), of a pose of each particle, (P, 3), over those that are near the best now.
+
+        Each pose is drawn: along a passage, where beams say nothing of how far the robot has come, a single one walks
+        at random.
+        """
+        near = np.hypot(*(self.poses - self.poses[self.best])[:, :2].T) < _TOGETHER
+        weights = np.where(near, self.weights, 0.0)
+        mean = poses[self.best] + weights @ _off(poses, poses[self.best]) / weights.sum()
+        mean[2] = wrap(float(mean[2]))
+        return np.asarray(mean)
+
+    @property
+    def pose(self) -> Array:
+        """Return where the robot is now, (3,)."""
+        return self.mean(self.poses)
+
     def covariance(self, step: Array, least: Array) -> Array:
-        """Return the covariance of the pose after a step, (3,), from the best particle's: (3, 3), map frame.
+        """Return the covariance of the pose after a step, (3,), around `pose`: (3, 3), map frame.
 
         Args:
             step: of the odometry since the last match.
             least: (3, 3), of that match, what particles that agree do not know of.
         """
-        best = self.poses[self.best]
-        here = compose(best, step)
-        off = self.poses - best
-        off[:, 2] = [wrap(float(angle)) for angle in off[:, 2]]
+        pose = self.pose
+        here = compose(pose, step)
+        off = _off(self.poses, pose)
         # A heading that is off carries the robot aside on its way since the match; the odometry errs on that way too.
         lever = np.eye(3)
-        lever[:2, 2] = best[1] - here[1], here[0] - best[0]
-        c, s = math.cos(best[2]), math.sin(best[2])
+        lever[:2, 2] = pose[1] - here[1], here[0] - pose[0]
+        c, s = math.cos(pose[2]), math.sin(pose[2])
         turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         since = turned @ _SINCE.covariance(step) @ turned.T
         return np.asarray(lever @ ((self.weights[:, None] * off).T @ off + least) @ lever.T + since)
@@ -152,7 +173,7 @@ class Particles:
         self.poses[k, 2] = wrap(float(self.poses[k, 2]))
         # The mass under the Gaussian around the match, by Laplace.
         mass = belief(*seen, pose, ends, scan.start, _FINE, _WORTH, *around)
-        self.log_weights[k] += mass + 0.5 * math.log(float(np.linalg.det(covariance)))
+        self.log_weights[k] += _EVIDENCE * (mass + 0.5 * math.log(float(np.linalg.det(covariance))))
 
     def draw(self, scan: Scan, cap: float) -> None:
         """Draw a scan on every particle's map."""
@@ -176,6 +197,13 @@ class Particles:
         # Systematic resampling passes over nobody who has more than an even share.
         self.best = int(np.argmax(chosen == self.best))
         return np.asarray(chosen)
+
+
+def _off(poses: Array, pose: Array) -> Array:
+    """Return what poses, (P, 3), are off one, (3,)."""
+    off = poses - pose
+    off[:, 2] = [wrap(float(angle)) for angle in off[:, 2]]
+    return off
 
 
 def _turned(information: Array, theta: float) -> Array:

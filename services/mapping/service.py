@@ -184,7 +184,7 @@ class MappingService(Service):
         there = state.odometry.at(stamp)
         particles = state.particles
         step = between(state.at_match, there)
-        pose = compose(particles.poses[particles.best], step)
+        pose = compose(particles.pose, step)
         scan = self._scan(message, pose)
         soon = state.matched is not None and stamp - state.matched < nanoseconds(config.pause)
         if not soon or math.hypot(step[0], step[1]) >= config.step or abs(step[2]) >= config.turn:
@@ -199,7 +199,7 @@ class MappingService(Service):
             particles.draw(scan, config.memory)
             particles.select()
             state.matched, state.at_match = stamp, there
-            pose = particles.poses[particles.best]
+            pose = particles.pose
         state.shown.draw(0, pose, scan.ends, scan.returned, scan.start, config.shown_memory)
         if not state.version or now - state.published >= nanoseconds(config.map_period):
             yield from self._show(now)
@@ -220,7 +220,7 @@ class MappingService(Service):
             yield self.say(f"floor left out: {error}", now, "WARNING")
             return
         step = between(state.at_match, state.odometry.at(floor.stamp))
-        pose = compose(state.particles.poses[state.particles.best], step)
+        pose = compose(state.particles.pose, step)
         thing = self._thing(floor.stamp, pose)
         told = state.shown.stands(0, seen.on_map(pose), _EXPLAINED)
         if thing is not None:
@@ -267,7 +267,7 @@ class MappingService(Service):
     def _where(self, odometry_pose: Array, odometry: Odometry) -> Publication:
         state, particles = self.state, self.state.particles
         step = between(state.at_match, odometry_pose)
-        x, y, theta = compose(particles.poses[particles.best], step) + self._shift
+        x, y, theta = compose(particles.pose, step) + self._shift
         covariance = particles.covariance(step, _LEAST if self.config.known is None else _LEAST_KNOWN)
         return self.pose(
             RobotPose(
