@@ -74,9 +74,10 @@ def slam(
     if scans:
         log = log.cut(scans)
     given = None if known is None else maps.read(known)
+    config = FilterConfig(particles=particles, seed=seed)
     with shown("mapping" if given is None else "localising", len(log.ranges)) as advance:
-        found = whole.run(log, FilterConfig(particles=particles, seed=seed), advance, given)
-    for line in _told(log, found):
+        found = whole.run(log, config, advance, given)
+    for line in _told(log, found, config.furthest):
         typer.echo(line)
     if output is not None:
         with writing(output):
@@ -86,10 +87,10 @@ def slam(
         typer.echo(f"{output / 'map.png'}, {output / 'map.rrd'}, {saved}")
 
 
-def _told(log: Log, found: Mapped) -> list[str]:
+def _told(log: Log, found: Mapped, furthest: float) -> list[str]:
     import numpy as np
 
-    from experiments.slam.metric import agreement, revisits, successive
+    from experiments.slam.metric import agreement, apart, revisits, successive
 
     way = float(np.hypot(*np.diff(found.poses[:, :2], axis=0).T).sum())
     median, late = np.percentile(1e3 * found.ticks, [50, 99])
@@ -117,6 +118,10 @@ def _told(log: Log, found: Mapped) -> list[str]:
             continue
         for what, poses in (("found", found.poses), ("odometry", found.raw)):
             lines.append(f"  {name}, {what}: {_error(agreement(poses, log.reference, pairs))}")
+    lines.append("ends of a scan's beams from the walls of the scan before, median, mean over the scans:")
+    scans = log.scans(furthest)
+    for name, poses in (("found", found.poses), ("the log's own", log.reference), ("odometry", found.raw)):
+        lines.append(f"  {name}: {1e3 * np.nanmean(apart(scans, poses)):.1f} mm")
     return lines
 
 

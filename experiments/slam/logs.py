@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import PushlaneError
 from services.geometry.pose import between
+from services.mapping.scan import Scan
 
 Array = NDArray[np.float64]
 
@@ -66,6 +67,13 @@ class Log:
     reference: Array | None
     nothing: float
     true: bool = False
+
+    def scans(self, furthest: float) -> list[Scan]:
+        """Return the scans, of which beams are looked at out to `furthest`, m."""
+        return [
+            Scan.of(ranges, angles, self.mount, furthest, self.nothing)
+            for ranges, angles in zip(self.ranges, self.angles, strict=True)
+        ]
 
     def cut(self, count: int) -> Log:
         """Return the first `count` scans."""

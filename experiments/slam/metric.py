@@ -1,21 +1,28 @@
-"""How well a trajectory agrees with another: by relative displacements (Kuemmerle et al. 2009)."""
+"""How well a trajectory agrees with another, by relative displacements (Kuemmerle et al. 2009), and with its scans."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from services.geometry.pose import between
+from services.mapping.scan import Scan
 
 Array = NDArray[np.float64]
 Pairs = Sequence[tuple[int, int]]
 
 REVISIT, APART = 2.0, 30.0
 """m between places that are the same again, and m of path at least since they were left"""
+_GAP, _SPACING = 0.4, 0.01
+"""m between ends of neighbouring beams up to which a wall is taken to be between them, and between points on it"""
+_SAME = 0.3
+"""m from the walls of the scan before up to which an end is taken to be of one of them"""
 
 
 @dataclass(frozen=True)
@@ -59,3 +66,34 @@ def revisits(reference: Array) -> Pairs:
         for j in range(i + 1, len(reference))
         if way[j] - way[i] > APART and math.dist(reference[i, :2], reference[j, :2]) < REVISIT
     ]
+
+
+def apart(scans: Sequence[Scan], poses: Array) -> Array:
+    """Return how far the ends of each scan's beams lie from the walls that the scan before saw, (K - 1), m: medians.
+
+    This takes no other trajectory: of two, the one that lays scans closer together has the better steps. NaN where no
+    end is near such a wall.
+
+    Args:
+        scans: K of them, beams in order of their angles. poses: (K, 3).
+    """
+    out = np.full(len(scans) - 1, np.nan)
+    for k, (first, second) in enumerate(pairwise(scans)):
+        walls, ends = _walls(first), second.ends[second.returned]
+        if not len(walls) or not len(ends):
+            continue
+        x, y, theta = between(poses[k], poses[k + 1])
+        c, s = math.cos(theta), math.sin(theta)
+        off, _ = KDTree(walls).query(ends @ np.array([[c, s], [-s, c]]) + (x, y))
+        if (off < _SAME).any():
+            out[k] = np.median(off[off < _SAME])
+    return out
+
+
+def _walls(scan: Scan) -> Array:
+    """Return points along the walls between ends of neighbouring beams, (N, 2), m, base frame."""
+    ends = scan.ends[scan.returned]
+    steps = np.diff(ends, axis=0)
+    wall = np.hypot(*steps.T) < _GAP
+    shares = np.linspace(0.0, 1.0, round(_GAP / _SPACING), endpoint=False)
+    return np.asarray((ends[:-1][wall][:, None] + shares[:, None] * steps[wall][:, None]).reshape(-1, 2))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.slam.logs import Log, read
-from experiments.slam.metric import agreement, revisits, successive
+from experiments.slam.metric import agreement, apart, revisits, successive
 from experiments.slam.whole import Mapped, run
 from services.mapping.config import FilterConfig
 from tests.experiments.slam.shared import SHARED, needed
@@ -36,8 +36,8 @@ def test_sixty_scans_are_matched(figures: Figures) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "odometry", "next_scan"),
-    # What is asked of successive scans is 0.03 m; freiburg-101 misses it, see docs/mapping.md.
-    [("belgioioso-corrected.log.gz", 1.2, 0.03), ("freiburg-101-corrected.log.gz", 9.0, 0.04)],
+    # What is asked of successive scans is 0.03 m; freiburg-101's own trajectory is not good for it: docs/mapping.md.
+    [("belgioioso-corrected.log.gz", 1.2, 0.03), ("freiburg-101-corrected.log.gz", 9.0, 0.035)],
 )
 def test_places_come_to_again_are_where_they_were(
     name: str, odometry: float, next_scan: float, figures: Figures
@@ -47,10 +47,16 @@ def test_places_come_to_again_are_where_they_were(
     pairs = revisits(log.reference)
     ours, raw = (agreement(one, log.reference, pairs) for one in (found.poses, found.raw))
     near = agreement(found.poses, log.reference, successive(len(found.poses)))
-    figures(f"{name}: revisits {ours.mean:.3f} m, odometry {raw.mean:.2f} m, successive scans {near.mean:.3f} m")
+    scans = log.scans(FilterConfig().furthest)
+    laid, theirs = (float(np.nanmean(apart(scans, poses))) for poses in (found.poses, log.reference))
+    figures(
+        f"{name}: revisits {ours.mean:.3f} m, odometry {raw.mean:.2f} m, successive scans {near.mean:.3f} m; "
+        f"these lie {1e3 * laid:.1f} mm apart, by the log's own poses {1e3 * theirs:.1f} mm"
+    )
     assert raw.mean > odometry, "the odometry of this log is that bad"
     assert ours.mean < 0.10
     assert near.mean < next_scan
+    assert laid < theirs, "where both differ, the scans themselves side with us"
 
 
 @pytest.mark.slow
