@@ -9,7 +9,7 @@ from runtime.messages import PushPlan
 from services.geometry.corridor import CorridorGeometry
 from services.predictive import candidates
 from services.predictive import plan as planning
-from services.predictive.law import MANOEUVRE, inside, kept_margin, turning, wish
+from services.predictive.law import MANOEUVRE, inside, kept_margin, sparing, turning, wish
 from services.predictive.model import ACCELERATION, X, Y
 from services.predictive.situation import SPACING, Lane
 
@@ -36,5 +36,7 @@ def command(
     manoeuvre = np.empty(MANOEUVRE)
     planning.manoeuvre_of(lane.path, lane.width, SPACING, index, state, row, settings, manoeuvre)
     ux, uy, walking = wish(state, contour, manoeuvre, walking)
+    if walking == 0.0:
+        ux, uy = sparing(*corridor.field.grid, state, ux, uy, base[ACCELERATION], lane.width[index])
     u = inside(*corridor.field.grid, state, ux, uy, base[ACCELERATION], kept_margin(plan.margin, lane.width[index]))
     return np.array(u), turning(state, contour), walking

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from services.geometry.angles import wrapped
 from services.geometry.field import lookup, slope
-from services.predictive.model import RAMP_X, RAMP_Y, RVX, RVY, RX, RY, THETA, YAW, X, Y, radius
+from services.predictive.model import RAMP_X, RAMP_Y, RVX, RVY, RX, RY, THETA, VX, VY, YAW, X, Y, radius
 
 Array = NDArray[np.float64]
 
@@ -38,6 +38,8 @@ _TOUCHING = 0.03
 _SLACK = 0.35
 _AHEAD = 0.15
 _TICK = 0.05
+OBJECT_NEAR, _OBJECT_MARGIN = 0.15, 0.015
+"""m from the corridor's edge within which rollouts look how fast the object is pushed outward; m kept there"""
 
 
 @njit("UniTuple(f8,3)(f8[::1],f8[::1],f8[::1],f8)", cache=True)
@@ -133,3 +135,32 @@ def inside(
         return ux, uy
     outward = min(outward, allowed)
     return along * ny - outward * nx, -along * nx - outward * ny
+
+
+@njit("UniTuple(f8,2)(f8[:,::1],f8,f8,f8,f8[::1],f8,f8,f8,f8)", cache=True)
+def sparing(
+    values: Array, x0: float, y0: float, resolution: float,
+    state: Array, ux: float, uy: float, acceleration: float, width: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Return the velocity of a robot that pushes, changed so that it can stop before the object leaves the corridor.
+
+    Whether an object comes round before the edge is only thought: it may be pushed along the edge, and not over it. The
+    bound is that of `inside`, where the object's velocity takes it; an object that drifts outward faster is pushed more
+    slowly, wherever to.
+
+    Args:
+        width: m, half width of the corridor there.
+    """
+    x, y = state[X] + _AHEAD * state[VX], state[Y] + _AHEAD * state[VY]
+    depth = lookup(values, x0, y0, resolution, x, y) - kept_margin(_OBJECT_MARGIN, width)
+    gx, gy = slope(values, x0, y0, resolution, x, y)
+    norm = math.sqrt(gx * gx + gy * gy)
+    if norm < _RIDGE:
+        return ux, uy
+    nx, ny = gx / norm, gy / norm
+    allowed = min(math.sqrt(acceleration * depth), 2.0 * depth) if depth > 0.0 else 0.0
+    excess = max(0.0, -(ux * nx + uy * ny) - allowed)
+    ux, uy = ux + excess * nx, uy + excess * ny
+    drift = -(state[VX] * nx + state[VY] * ny)
+    slower = allowed / drift if drift > allowed else 1.0
+    return slower * ux, slower * uy

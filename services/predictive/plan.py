@@ -32,6 +32,7 @@ from services.predictive.law import (
     BODY,
     LEAN,
     MANOEUVRE,
+    OBJECT_NEAR,
     SIDE,
     SPEED,
     STAND,
@@ -40,6 +41,7 @@ from services.predictive.law import (
     WALK,
     inside,
     kept_margin,
+    sparing,
     turning,
     wish,
 )
@@ -216,6 +218,8 @@ def rollout(
         ux, uy, walking = wish(state, contour, manoeuvre, walking)
         if walking == 0.0:
             pushed += dt
+            if depth < OBJECT_NEAR:
+                ux, uy = sparing(values, x0, y0, resolution, state, ux, uy, base[ACCELERATION], width[index])
         kept = kept_margin(settings[MARGIN], width[index])
         ux, uy = inside(values, x0, y0, resolution, state, ux, uy, base[ACCELERATION], kept)
         step(state, ux, uy, turning(state, contour), dt, base, contour, response)

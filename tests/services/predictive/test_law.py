@@ -37,6 +37,34 @@ def test_no_wish_takes_the_base_out_of_the_corridor(x: float, y: float, wishes: 
     assert deepest > 0.0
 
 
+@given(st.floats(0.5, 3.5), st.floats(0.0, 0.55), st.floats(-1.3, 1.3), st.floats(-0.3, 0.3))
+def test_no_push_takes_the_object_out_of_the_corridor(x: float, y: float, aside: float, lean: float) -> None:
+    """An object that stops when the base does is pushed towards the edge, straight or not, at 0.3 m/s."""
+    contour, response = m.prior_contour(0.46, 0.3), m.prior_response(0.3)
+    state = np.zeros(m.STATE)
+    reach = m.radius(contour, -0.5 * math.pi + aside)[0]
+    state[m.X], state[m.Y] = x, y
+    state[m.RX], state[m.RY] = x + reach * math.sin(aside), y - reach * math.cos(aside)
+    least = FIELD.value(x, y)
+    for _ in range(80):
+        way = math.atan2(state[m.Y] - state[m.RY], state[m.X] - state[m.RX]) + lean
+        u = law.sparing(*WHERE, state, 0.3 * math.cos(way), 0.3 * math.sin(way), 0.4, HALF)
+        m.step(state, *u, 0.0, 0.05, BASE, contour, response)
+        least = min(least, FIELD.value(state[m.X], state[m.Y]))
+    assert least > 0.0
+
+
+def test_a_push_inward_or_along_the_edge_goes_on() -> None:
+    state = np.zeros(m.STATE)
+    state[m.X], state[m.Y] = 2.0, HALF - 0.005
+    assert law.sparing(*WHERE, state, 0.3, -0.1, 0.4, HALF) == (0.3, -0.1)
+    assert law.sparing(*WHERE, state, 0.3, 0.1, 0.4, HALF) == pytest.approx((0.3, 0.0), abs=1e-3)
+    state[m.VX], state[m.VY] = 0.2, 0.02  # drifts outward
+    assert law.sparing(*WHERE, state, 0.3, 0.0, 0.4, HALF) == pytest.approx((0.0, 0.0), abs=1e-3)
+    state[m.Y] = 0.0
+    assert law.sparing(*WHERE, state, 0.1, 0.3, 0.4, HALF) == (0.1, 0.3)
+
+
 def test_in_the_middle_nothing_is_changed() -> None:
     state = np.zeros(m.STATE)
     state[m.RX], state[m.RY] = 2.0, 0.1
