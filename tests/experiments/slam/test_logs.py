@@ -177,9 +177,13 @@ def test_errors_of_displacements_do_not_depend_on_where_a_trajectory_begins() ->
 
 def test_scans_lie_apart_by_what_a_trajectory_is_off() -> None:
     """A wall at 2 m and one aside at 3 m, seen again from 0.3 m on; the step is said to be 0.04 m too long."""
+
+    def seen(ends: np.ndarray) -> Scan:
+        return Scan(ends, np.ones(len(ends), np.bool_), np.zeros(2))
+
     aside = np.column_stack([np.arange(-1.5, 1.5, 0.1), np.full(30, 3.0)])
     ahead = np.column_stack([np.full(30, 2.0), np.arange(1.4, -1.6, -0.1)])
-    scans = [Scan(ahead - (x, 0.0), np.ones(30, np.bool_), np.zeros(2)) for x in (0.0, 0.3)]
+    scans = [seen(ahead - (x, 0.0)) for x in (0.0, 0.3)]
     steps = np.array([[5.0, 1.0, 0.0], [5.3, 1.0, 0.0]])
 
     def off(*last: float) -> np.ndarray:
@@ -188,13 +192,18 @@ def test_scans_lie_apart_by_what_a_trajectory_is_off() -> None:
     assert apart(scans, steps) == pytest.approx(0.0, abs=1e-9)
     assert apart(scans, off(0.04, 0.0, 0.0)) == pytest.approx(0.04)
     # Turned by a quarter about where it stands, the second scan sees the same wall on its right.
-    turned = Scan(scans[1].ends @ np.array([[0.0, -1.0], [1.0, 0.0]]), scans[1].returned, np.zeros(2))
+    turned = seen(scans[1].ends @ np.array([[0.0, -1.0], [1.0, 0.0]]))
     assert apart([scans[0], turned], off(0.0, 0.0, math.pi / 2)) == pytest.approx(0.0, abs=1e-9)
     # What moves along a wall is not seen; what is far from every wall is no measurement.
-    along = [Scan(aside - (x, 0.0), np.ones(30, np.bool_), np.zeros(2)) for x in (0.0, 0.3)]
+    along = [seen(aside - (x, 0.0)) for x in (0.0, 0.3)]
     assert apart(along, off(0.04, 0.0, 0.0)) == pytest.approx(0.0, abs=0.005)
     assert np.isnan(apart(scans, off(5.0, 0.0, 0.0)))
-    assert np.isnan(apart([scans[0], Scan(np.empty((0, 2)), np.ones(0, np.bool_), np.zeros(2))], steps))
+    assert np.isnan(apart([scans[0], seen(np.empty((0, 2)))], steps))
+    # What the first did not see has no part in it, and between two walls is no wall.
+    more = np.vstack([ahead[:10] - (0.28, 0.0), np.column_stack([np.full(20, 7.0), np.arange(20.0)])])
+    assert apart([scans[0], seen(more)], steps) == pytest.approx(0.02)
+    gate = seen(ahead[np.abs(ahead[:, 1]) > 0.45])
+    assert np.isnan(apart([gate, seen(np.array([[1.7, 0.1], [1.7, 0.0], [1.7, -0.1]]))], steps))
 
 
 def test_the_command_maps_a_room(tmp_path: Path) -> None:
