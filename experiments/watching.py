@@ -144,7 +144,7 @@ def _live(live: Live, started: float) -> Callable[[Time, PushStatus], None]:
             f"[bold]{_phase(status)}[/bold]",
             f"{status.distance_left:.2f} m left",
             f"{seconds(now):.1f} s simulated",
-            f"{_ratio(now, started):.0f} times real time",
+            f"{_ratio(now, started):.1f} times real time",
             f"robot {status.robot_path_length:.2f} m, object {status.object_path_length:.2f} m",
         )
         live.update(table)
@@ -162,7 +162,7 @@ def _lines(started: float) -> Callable[[Time, PushStatus], None]:
         shown[:] = [now, status.phase]
         print(
             f"{seconds(now):7.1f} s  {_phase(status):<8}  {status.distance_left:5.2f} m left  "
-            f"{_ratio(now, started):4.0f} times real time",
+            f"{_ratio(now, started):5.1f} times real time",
             flush=True,
         )
 

@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 _PATIENCE = 10.0
 
 cameras = typer.Typer(no_args_is_help=True, help="Give a running system the pictures of a camera.")
-calibration = typer.Typer(no_args_is_help=True, help="Find out what a camera's lens does, with a board of squares.")
+calibration = typer.Typer(
+    no_args_is_help=True,
+    help="Find out what a camera's lens does, with a board of squares; draw tags for an object.",
+)
 
 Source = Annotated[
     str,

@@ -1,10 +1,10 @@
 """A Rao-Blackwellised particle filter over maps and poses: GMapping's method (Grisetti, Stachniss, Burgard 2007).
 
-Each particle carries a pose and its own map. A scan is matched with the particle's map; around the match, scan and
-odometry together make a Gaussian, from which the new pose is drawn and by whose mass the particle is weighted
-(the improved proposal, Sec. III.A). Their Gaussian is found from samples; ours is that of the last step of a match of
-points to surfaces, which is finer. Particles are drawn anew only when their weights have become uneven (Sec. III.B).
-All in m and rad, map frame.
+Each particle carries a pose and its own map. A scan is matched with the best particle's map, and settles on the
+surfaces of each one's own; around that, scan and odometry together make a Gaussian, from which the new pose is drawn
+and by whose mass the particle is weighted (the improved proposal, Sec. III.A). Their Gaussian is found from samples;
+ours is that of the last step of a match of points to surfaces, which is finer. Particles are drawn anew only when their
+weights have become uneven (Sec. III.B). All in m and rad, map frame.
 """
 
 from __future__ import annotations
