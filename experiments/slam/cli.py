@@ -84,7 +84,7 @@ def slam(
             whole.picture(found, log.reference).savefig(output / "map.png")
             whole.to_rerun(found, log.reference, output / "map.rrd")
             saved = maps.write(output, found.cells, found.corner)
-        typer.echo(f"{output / 'map.png'}, {output / 'map.rrd'}, {saved}")
+        typer.echo(f"{output / 'map.png'}, {output / 'map.rrd'}, {saved} and its map.pgm")
 
 
 def _told(log: Log, found: Mapped, furthest: float) -> list[str]:

@@ -58,7 +58,9 @@ def read(file: Path) -> tuple[Cells, Array]:
     if said.get("mode", "trinary") != "trinary":
         raise BadMap(f"{file}: mode {said['mode']}; expected trinary")
     picture = file.parent / str(said["image"])
-    grey = cv2.imread(str(picture), cv2.IMREAD_GRAYSCALE) if picture.is_file() else None
+    if not picture.is_file():
+        raise BadMap(f"{picture}: there is no such file; {file} names it as its image")
+    grey = cv2.imread(str(picture), cv2.IMREAD_GRAYSCALE)
     if grey is None:
         raise BadMap(f"{picture}: no picture that can be read")
     share = grey / 255.0 if negate else 1.0 - grey / 255.0

@@ -61,10 +61,12 @@ def test_a_map_comes_back_as_it_was_written(
         (TEXT + "mode: raw\n", "mode raw; expected trinary"),
         (TEXT + "free_thresh: 0.9\n", "thresholds 0.9 and 0.65"),
         (TEXT, "a.pgm: no picture that can be read"),
+        (TEXT.replace("a.pgm", "gone.pgm"), "gone.pgm: there is no such file"),
     ],
 )
 def test_what_is_wrong_with_a_map_is_named(text: str, why: str, tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(text)
+    (tmp_path / "a.pgm").write_bytes(b"no picture")
     with pytest.raises(BadMap, match=why.replace("[", r"\[")):
         read(tmp_path / "a.yaml")
 
