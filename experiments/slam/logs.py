@@ -68,12 +68,13 @@ class Log:
     nothing: float
     true: bool = False
 
+    def scan(self, k: int, furthest: float) -> Scan:
+        """Return scan `k`, of which beams are looked at out to `furthest`, m."""
+        return Scan.of(self.ranges[k], self.angles[k], self.mount, furthest, self.nothing)
+
     def scans(self, furthest: float) -> list[Scan]:
-        """Return the scans, of which beams are looked at out to `furthest`, m."""
-        return [
-            Scan.of(ranges, angles, self.mount, furthest, self.nothing)
-            for ranges, angles in zip(self.ranges, self.angles, strict=True)
-        ]
+        """Return all of them."""
+        return [self.scan(k, furthest) for k in range(len(self.ranges))]
 
     def cut(self, count: int) -> Log:
         """Return the first `count` scans."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from services.geometry.pose import between
+from services.geometry.pose import between, placed
 from services.mapping.scan import Scan
 
 Array = NDArray[np.float64]
@@ -82,9 +82,7 @@ def apart(scans: Sequence[Scan], poses: Array) -> Array:
         walls, ends = _walls(first), second.ends[second.returned]
         if not len(walls) or not len(ends):
             continue
-        x, y, theta = between(poses[k], poses[k + 1])
-        c, s = math.cos(theta), math.sin(theta)
-        off, _ = KDTree(walls).query(ends @ np.array([[c, s], [-s, c]]) + (x, y))
+        off, _ = KDTree(walls).query(placed(ends, between(poses[k], poses[k + 1])))
         if (off < _SAME).any():
             out[k] = np.median(off[off < _SAME])
     return out

@@ -20,7 +20,6 @@ from services.mapping.config import FilterConfig
 from services.mapping.filter import Noise, Particles
 from services.mapping.globally import locate
 from services.mapping.grid import RESOLUTION, Maps, off_cells
-from services.mapping.scan import Scan
 
 matplotlib.use("Agg")
 
@@ -73,8 +72,7 @@ def run(
         # Everything is moved by what the map's cells are off ours, and back.
         shift = off_cells(known[1])
         particles.maps = Maps.known(known[0], known[1] - shift, config.particles)
-        scan = Scan.of(log.ranges[0], log.angles[0], log.mount, config.furthest, log.nothing)
-        poses, _ = locate(particles.maps, scan)
+        poses, _ = locate(particles.maps, log.scan(0, config.furthest))
         if not len(poses):
             raise NotFound("the first scan fits nowhere on the map")
         start = poses[0]
@@ -82,9 +80,9 @@ def run(
     noise = Noise()
     past = np.zeros((config.particles, len(log.ranges), 3))
     raw, ticks, selections = [start], [], 0
-    for k, (ranges, angles) in enumerate(zip(log.ranges, log.angles, strict=True)):
+    for k in range(len(log.ranges)):
         began = time.perf_counter()
-        scan = Scan.of(ranges, angles, log.mount, config.furthest, log.nothing)
+        scan = log.scan(k, config.furthest)
         if k:
             raw.append(compose(raw[-1], log.steps[k]))
             particles.move(log.steps[k], noise, scan)

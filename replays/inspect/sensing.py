@@ -12,6 +12,8 @@ from replays.inspect.places import Places
 from replays.inspect.session import Session
 from replays.inspect.shapes import pose_at
 from runtime.messages import CompressedImage, ImageAnnotations, LaserScan, RangeArray, SeenFloor
+from services.geometry.pose import placed
+from services.mapping.floor import BadFloor, Seen
 
 POINTS = 0.034
 
@@ -24,12 +26,6 @@ def draw_sensing(canvas: Canvas, session: Session, where: Places) -> None:
         _draw_floor(canvas, session, where)
     _draw_images(canvas, session)
     _draw_outlines(canvas, session)
-
-
-def _to_map(points: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 2) points of the base frame seen from `pose` (3), map frame."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    return points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
 
 
 def _draw_scans(canvas: Canvas, session: Session, where: Places) -> None:
@@ -49,7 +45,7 @@ def _draw_scans(canvas: Canvas, session: Session, where: Places) -> None:
             2.0 * np.arctan2(q.z, q.w) if scan.HasField("pose") else 0.0,
         )
         local = distance[hit, None] * np.column_stack([np.cos(bearing[hit]), np.sin(bearing[hit])])
-        clouds.append(_to_map(_to_map(local, np.array(mount)), pose))
+        clouds.append(placed(placed(local, np.array(mount)), pose))
     _points(canvas, "/map/scan", palette.SCAN, track.times, clouds)
 
 
@@ -63,13 +59,12 @@ def _points(
 
 
 def met_by(floor: SeenFloor) -> NDArray[np.float64]:
-    """Return where something stands on the floor, (N, 2), m, base frame; nothing where columns do not fit together."""
-    met = np.array(floor.met, np.bool_)
-    if not len(met) == len(floor.bearing) == len(floor.last):
+    """Return where something stands on the floor, (N, 2), m, base frame; nothing where the message makes no sense."""
+    try:
+        seen = Seen.of(floor)
+    except BadFloor:
         return np.empty((0, 2))  # mapping leaves such a one out, and says so
-    bearing, last = np.array(floor.bearing)[met], np.array(floor.last)[met]
-    way = np.column_stack([np.cos(bearing), np.sin(bearing)])
-    return np.asarray((floor.position.x, floor.position.y) + last[:, None] * way)
+    return seen.lasts[seen.met]
 
 
 def _draw_floor(canvas: Canvas, session: Session, where: Places) -> None:
@@ -80,7 +75,7 @@ def _draw_floor(canvas: Canvas, session: Session, where: Places) -> None:
     clouds: list[NDArray[np.float64]] = []
     stamps = np.array([floor.stamp for floor in track.messages], np.int64)
     for floor, pose in zip(track.messages, pose_at(stamps, where.robot_stamps, where.robot), strict=True):
-        clouds.append(_to_map(met_by(floor), pose))
+        clouds.append(placed(met_by(floor), pose))
     _points(canvas, "/map/floor", palette.FLOOR_MET, track.times, clouds)
 
 
@@ -96,7 +91,7 @@ def _draw_ranges(canvas: Canvas, session: Session, where: Places) -> None:
         hit = np.isfinite(distance) & (distance < reading.maximum)
         way = np.column_stack([np.cos(bearing[hit]), np.sin(bearing[hit])])
         near, far = reading.ring_radius * way, (reading.ring_radius + distance[hit, None]) * way
-        rays.append(np.stack([_to_map(near, pose), _to_map(far, pose)], axis=1))
+        rays.append(np.stack([placed(near, pose), placed(far, pose)], axis=1))
     flat = np.vstack(rays)
     if not len(flat):
         return

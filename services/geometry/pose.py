@@ -32,6 +32,12 @@ def between(first: Array, second: Array) -> Array:
     return np.array((c * dx + s * dy, -s * dx + c * dy, wrap(float(second[2] - first[2]))))
 
 
+def placed(points: Array, pose: Array) -> Array:
+    """Return points, (N, 2), m, of the frame of `pose`, in the frame that `pose` is of."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.asarray(points @ np.array([[c, s], [-s, c]]) + pose[:2])
+
+
 @dataclass
 class History:
     """Poses of the last while.

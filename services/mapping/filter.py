@@ -117,8 +117,8 @@ class Particles:
         """Return where the robot is now, (3,)."""
         return self.mean(self.poses)
 
-    def covariance(self, step: Array, least: Array) -> Array:
-        """Return the covariance of the pose after a step, (3,), around `pose`: (3, 3), map frame.
+    def after(self, step: Array, least: Array) -> tuple[Array, Array]:
+        """Return the pose after a step, (3,), and its covariance, (3, 3), map frame.
 
         Args:
             step: of the odometry since the last match.
@@ -133,7 +133,7 @@ class Particles:
         c, s = math.cos(pose[2]), math.sin(pose[2])
         turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         since = turned @ _SINCE.covariance(step) @ turned.T
-        return np.asarray(lever @ ((self.weights[:, None] * off).T @ off + least) @ lever.T + since)
+        return here, np.asarray(lever @ ((self.weights[:, None] * off).T @ off + least) @ lever.T + since)
 
     def move(self, step: Array, noise: Noise, scan: Scan) -> None:
         """Take a step of the odometry, (3,), base frame, and the scan after it."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.messages import SeenFloor
+from services.geometry.pose import placed
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -72,8 +72,7 @@ class Seen:
 
     def on_map(self, pose: Array) -> Array:
         """Return where the stretches end, (N, 2), m, on the map of a base at `pose`, (3,)."""
-        c, s = math.cos(pose[2]), math.sin(pose[2])
-        return np.asarray(self.lasts @ np.array([[c, s], [-s, c]]) + pose[:2])
+        return placed(self.lasts, pose)
 
     def shortened(self, which: Mask, by: float) -> Seen:
         """Return the stretches with those of `which`, (N,), `by` m shorter, and nothing met there."""

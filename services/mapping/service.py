@@ -267,8 +267,8 @@ class MappingService(Service):
     def _where(self, odometry_pose: Array, odometry: Odometry) -> Publication:
         state, particles = self.state, self.state.particles
         step = between(state.at_match, odometry_pose)
-        x, y, theta = compose(particles.pose, step) + self._shift
-        covariance = particles.covariance(step, _LEAST if self.config.known is None else _LEAST_KNOWN)
+        here, covariance = particles.after(step, _LEAST if self.config.known is None else _LEAST_KNOWN)
+        x, y, theta = here + self._shift
         return self.pose(
             RobotPose(
                 stamp=odometry.stamp,

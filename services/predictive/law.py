@@ -104,6 +104,23 @@ def kept_margin(margin: float, width: float) -> float:
     return min(margin, 0.3 * max(width, 0.0))
 
 
+@njit("UniTuple(f8,3)(f8[:,::1],f8,f8,f8,f8,f8)", cache=True)
+def _edge(values: Array, x0: float, y0: float, resolution: float, x: float, y: float) -> tuple[float, float, float]:
+    """Return how deep inside the corridor a place is, m, and the way inward, of length 1; (0, 0) along its middle."""
+    gx, gy = slope(values, x0, y0, resolution, x, y)
+    norm = math.sqrt(gx * gx + gy * gy)
+    if norm < _RIDGE:
+        gx, gy, norm = 0.0, 0.0, 1.0
+    return lookup(values, x0, y0, resolution, x, y), gx / norm, gy / norm
+
+
+@njit("f8(f8,f8)", cache=True)
+def _stoppable(depth: float, acceleration: float) -> float:
+    """Return how fast, m/s, a base may go outward `depth` m, above 0, before an edge: half of what it could brake from;
+    at most depth / 0.5 s where that is less."""
+    return min(math.sqrt(acceleration * depth), 2.0 * depth)
+
+
 @njit("UniTuple(f8,2)(f8[:,::1],f8,f8,f8,f8[::1],f8,f8,f8,f8)", cache=True)
 def inside(
     values: Array, x0: float, y0: float, resolution: float,
@@ -117,14 +134,12 @@ def inside(
     what is left.
     """
     x, y = state[RX] + _AHEAD * state[RVX], state[RY] + _AHEAD * state[RVY]
-    depth = lookup(values, x0, y0, resolution, x, y) - margin
-    gx, gy = slope(values, x0, y0, resolution, x, y)
-    norm = math.sqrt(gx * gx + gy * gy)
-    if norm < _RIDGE:
+    depth, nx, ny = _edge(values, x0, y0, resolution, x, y)
+    if nx == ny == 0.0:
         return ux, uy
-    nx, ny = gx / norm, gy / norm
+    depth -= margin
     outward, along = -(ux * nx + uy * ny), ux * ny - uy * nx
-    allowed = min(math.sqrt(acceleration * depth), 2.0 * depth) if depth > 0.0 else max(2.0 * depth, -0.15)
+    allowed = _stoppable(depth, acceleration) if depth > 0.0 else max(2.0 * depth, -0.15)
     brake = -(state[RAMP_X] * nx + state[RAMP_Y] * ny) - allowed
     if brake > 0.0:
         most = acceleration * _TICK
@@ -152,13 +167,11 @@ def sparing(
         width: m, half width of the corridor there.
     """
     x, y = state[X] + _AHEAD * state[VX], state[Y] + _AHEAD * state[VY]
-    depth = lookup(values, x0, y0, resolution, x, y) - kept_margin(_OBJECT_MARGIN, width)
-    gx, gy = slope(values, x0, y0, resolution, x, y)
-    norm = math.sqrt(gx * gx + gy * gy)
-    if norm < _RIDGE:
+    depth, nx, ny = _edge(values, x0, y0, resolution, x, y)
+    if nx == ny == 0.0:
         return ux, uy
-    nx, ny = gx / norm, gy / norm
-    allowed = min(math.sqrt(acceleration * depth), 2.0 * depth) if depth > 0.0 else 0.0
+    depth -= kept_margin(_OBJECT_MARGIN, width)
+    allowed = _stoppable(depth, acceleration) if depth > 0.0 else 0.0
     excess = max(0.0, -(ux * nx + uy * ny) - allowed)
     ux, uy = ux + excess * nx, uy + excess * ny
     drift = -(state[VX] * nx + state[VY] * ny)
