@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from services.geometry.pose import placed
 from services.mapping.grid import RESOLUTION, Maps
 from services.mapping.matching import agreement, climb, everywhere, likelihood_field
 from services.mapping.scan import Scan
@@ -19,6 +20,8 @@ _KEPT = 200
 """poses that are looked at more closely"""
 _BEAMS = (60, 180)
 """beams that are looked at over all places, and in the match"""
+_EXPLAINED = 2
+"""cells from what stands on the map within which a beam ends at it"""
 _ALONE = 0.3
 """m within which two poses are one"""
 
@@ -57,3 +60,13 @@ def locate(maps: Maps, scan: Scan, count: int = 1) -> tuple[Array, Array]:
         if all(np.hypot(*(pose - other)[:2]) > _ALONE for _, other in apart):
             apart.append((value, pose))
     return np.array([pose for _, pose in apart[:count]]), np.array([value for value, _ in apart[:count]])
+
+
+def explained(maps: Maps, scan: Scan, pose: Array) -> float:
+    """Return the share of a scan's beams that end where the first particle's map has something, to two cells, 0 to 1.
+
+    Args:
+        pose: (3,), of the base. 0 where no beam meets anything.
+    """
+    ends = scan.ends[scan.returned]
+    return float(maps.stands(0, placed(ends, pose), _EXPLAINED).mean()) if len(ends) else 0.0

@@ -22,11 +22,12 @@ from runtime.messages import (
 )
 from runtime.service import Effects, Input, Output, Publication, Service, on
 from runtime.time import SECOND, Time, nanoseconds
+from services.geometry.angles import wrap
 from services.geometry.pose import History, between, compose
 from services.mapping.config import MappingConfig
 from services.mapping.filter import Noise, Particles
 from services.mapping.floor import BadFloor, Seen
-from services.mapping.globally import locate
+from services.mapping.globally import explained, locate
 from services.mapping.grid import RESOLUTION, Maps, off_cells
 from services.mapping.scan import Scan
 
@@ -46,6 +47,8 @@ _AHEAD = 0.1
 """s that a picture may be newer than the odometry: nobody knows where it was taken"""
 _EXPLAINED = 2
 """cells from what stands on the map within which what the camera meets is taken for that"""
+_DOUBTED = 0.75
+"""share of a scan's beams that end where the known map has something, below which it is doubted"""
 _RIM = 0.04
 """m around the object within which what was drawn is taken for it"""
 
@@ -59,6 +62,7 @@ class MappingState:
         shown: the map as it is published: it forgets faster than those of the filter, whose memory keeps it in place.
         odometry: of the last while, odom frame.
         scan: the newest one, until the odometry of its time has come.
+        located: whether it is known where the base is on the map.
         began: when the first scan came, ns; None before.
         matched: ns, of the last scan that was matched; None before.
         at_match: (3,), odom frame, there; before, of the first odometry.
@@ -71,6 +75,7 @@ class MappingState:
     shown: Maps = field(default_factory=Maps)
     odometry: History = field(default_factory=History)
     scan: LaserScan | None = None
+    located: bool = True
     began: Time | None = None
     matched: Time | None = None
     at_match: Array = field(default_factory=lambda: np.zeros(3))
@@ -110,6 +115,7 @@ class MappingService(Service):
         self._shift = np.array([*off_cells(corner), 0.0])
         self.state = MappingState(Particles.at(np.array(config.start) - self._shift, config.particles, config.seed))
         if config.known is not None:
+            self.state.located = not config.search
             cells, corner = config.known.grid(), corner - self._shift[:2]
             self.state.particles.maps = Maps.known(cells, corner, config.particles, surfaces=True)
             self.state.shown = Maps.known(cells, corner, 1)
@@ -151,7 +157,7 @@ class MappingService(Service):
             return
         if state.scan is not None and _stamp(state.scan) <= odometry.stamp:
             yield from self._look(now)
-        if state.matched is not None or not self.config.search:
+        if state.located:
             yield self._where(pose, odometry)
 
     def _go_on_from(self, pose: Array) -> None:
@@ -178,22 +184,26 @@ class MappingService(Service):
         stamp = _stamp(message)
         if stamp < state.odometry.stamps[0]:
             return  # too old for the odometry that is remembered
-        waits = state.object is None and now - state.began < nanoseconds(config.wait)
-        if waits or (state.matched is not None and stamp <= state.matched):
+        if state.matched is not None and stamp <= state.matched:
             return
         there = state.odometry.at(stamp)
         particles = state.particles
         step = between(state.at_match, there)
         pose = compose(particles.pose, step)
         scan = self._scan(message, pose)
+        if not state.located:
+            # Before it waits for the object: who looks for that asks where the base is.
+            yield from self._locate(scan, there, now)
+            if not state.located:
+                return
+            step, pose = np.zeros(3), particles.pose
+        if state.object is None and now - state.began < nanoseconds(config.wait):
+            return
         soon = state.matched is not None and stamp - state.matched < nanoseconds(config.pause)
         if not soon or math.hypot(step[0], step[1]) >= config.step or abs(step[2]) >= config.turn:
             if state.matched is None:
-                found = self._found(scan) if config.search else pose
-                if found is None:
-                    yield self.say("the scan fits nowhere on the known map: waiting for another", now, "WARNING")
-                    return
-                particles.poses[:] = pose = found
+                particles.poses[:] = pose
+                yield from self._doubt(scan, pose, now)
             else:
                 particles.move(step, self._noise, scan)
             particles.draw(scan, config.memory)
@@ -228,12 +238,35 @@ class MappingService(Service):
         seen = seen.shortened(seen.met & told, (_EXPLAINED + 1) * RESOLUTION)
         state.shown.draw(0, pose, seen.lasts, seen.met, seen.firsts, self.config.shown_memory)
 
-    def _found(self, scan: Scan) -> Array | None:
-        """Return where on the known map a scan was taken, (3,), by this scan alone; None: nowhere."""
+    def _locate(self, scan: Scan, there: Array, now: Time) -> Effects:
+        """Look for the base all over the known map, by one scan, taken where the odometry said `there`, (3,)."""
+        state = self.state
+        poses, _ = locate(state.particles.maps, scan)
+        if not len(poses):
+            yield self.say("the scan fits nowhere on the known map: waiting for another", now, "WARNING")
+            return
+        state.particles.poses[:] = poses[0]
+        state.at_match, state.located = there, True
+        x, y, theta = poses[0] + self._shift
+        share = explained(state.particles.maps, scan, poses[0])
+        yield self.say(
+            f"found on the known map: ({x:.2f}, {y:.2f}) m, {round(math.degrees(wrap(theta)))} degrees; {share:.0%} of "
+            "the beams end where it has something",
+            now,
+        )
+
+    def _doubt(self, scan: Scan, pose: Array, now: Time) -> Effects:
+        """Say so if what the first scan meets is not on the known map: that may be another's, or the start wrong."""
         if self.config.known is None:
-            return np.array(self.config.start)
-        poses, _ = locate(self.state.particles.maps, scan)
-        return poses[0] if len(poses) else None
+            return
+        share = explained(self.state.particles.maps, scan, pose)
+        if share < _DOUBTED:
+            yield self.say(
+                f"only {share:.0%} of the first scan's beams end where the known map has something: is it the map of "
+                "this place, and does the base start there?",
+                now,
+                "WARNING",
+            )
 
     def _scan(self, message: LaserScan, pose: Array) -> Scan:
         """Return the scan without beams that end at the object or at the robot itself; `pose`: (3,), of the robot."""

@@ -15,8 +15,8 @@ from services.geometry.pose import between
 from services.mapping.config import BadKnownMap, KnownMap, MappingConfig
 from services.mapping.grid import hollow
 from services.mapping.service import MappingService
+from tests.services.mapping.driving import START, Drive, cell, drive, occupied_near, path, square
 from tests.services.mapping.rooms import WALLS, Array
-from tests.services.mapping.test_service import START, Drive, cell, drive, occupied_near, path, square
 
 CORNER = np.array([-0.53, -0.48])
 """m, not on whole cells, as the corners of maps are that were made elsewhere"""
@@ -47,6 +47,7 @@ def test_the_base_is_located_in_a_known_map_and_the_map_stays() -> None:
     """The plan's surfaces are the middles of cells, so up to half a cell off the walls."""
     found = drive(known=plan(), wait=0.0)
     off, turned = driven(found)
+    assert not found.logs
     assert np.mean(off) < 0.03 and max(off) < 0.06
     assert np.mean(turned) < 0.01
     last = found.maps[-1]
@@ -97,6 +98,29 @@ def test_the_start_is_searched_for_where_it_is_not_known() -> None:
     off, turned = driven(found, 120)
     assert len(found.poses) >= 118, "a pose with the first scan on"
     assert max(off) < 0.08 and max(turned) < 0.03
+
+
+def test_the_start_is_found_before_the_object_is_which_asks_for_it() -> None:
+    found = Drive(MappingService(MappingConfig(known=plan(), search=True, particles=8)))
+    for _ in range(4):
+        found.to(START)
+    assert found.poses and not found.maps, "nothing is drawn yet: the object could be among it"
+    assert math.hypot(found.poses[-1].pose.x - START[0], found.poses[-1].pose.y - START[1]) < 0.08
+    found.object = np.array([1.6, 0.9])
+    for _ in range(10):
+        found.to(START)
+    assert found.maps and not occupied_near(found.maps[-1], found.object, 0.12)
+    (said,) = found.logs
+    assert "found on the known map" in said and int(said.split("% of the beams")[0].split()[-1]) > 90
+
+
+@pytest.mark.parametrize(("start", "walls"), [(START, WALLS * (0.8, 1.3)), (START + np.array([0.3, 0.3, 0.3]), WALLS)])
+def test_another_map_or_another_start_is_doubted(start: Array, walls: Array) -> None:
+    config = MappingConfig(start=tuple(start), known=plan(), particles=8, wait=0.0)
+    found = Drive(MappingService(config), walls=walls)
+    for _ in range(4):
+        found.to(START)
+    assert len(found.logs) == 1 and "is it the map of this place" in found.logs[0]
 
 
 def test_what_is_new_is_drawn_over_the_known_map_and_what_is_gone_leaves_it() -> None:
