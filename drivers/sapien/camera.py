@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from drivers.sapien.base import BaseModel
 from drivers.sapien.config import Seed
-from drivers.sapien.look import Eye, Sight
+from drivers.sapien.look import Eye, Fitted, Sight
 from drivers.sapien.objects import ObjectBody
 from drivers.sapien.optics import FRAME
 from drivers.sapien.scene import Scene
@@ -34,6 +35,21 @@ class SapienCameraConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     body: ObjectBody
     base: BaseModel = BaseModel()
     tagged: Annotated[bool, msgspec.Meta(description="whether a cube of tags stands on the object")] = True
+    cube_at: Annotated[
+        tuple[float, float, float], msgspec.Meta(description="x, y, yaw of that cube on the object, m and rad")
+    ] = (0.0, 0.0, 0.0)
+    cube_off: Annotated[
+        float, msgspec.Meta(ge=0, le=1, description="m, standard deviation along each axis of where it really stands")
+    ] = 0.002
+    cube_turned: Annotated[
+        float, msgspec.Meta(ge=0, le=1, description="rad, the same of its yaw: it was set up by hand")
+    ] = math.radians(1.0)
+
+    @property
+    def fitted(self) -> Fitted:
+        """Return how camera and tags sit in this world."""
+        tags = self.cube_at if self.tagged else None
+        return Fitted.drawn(self.scene.camera, tags, (self.cube_off, self.cube_turned), self.seed)
 
 
 @dataclass
@@ -72,7 +88,7 @@ class SapienCamera(Service):
     def __init__(self, config: SapienCameraConfig) -> None:
         super().__init__(config)
         self.state = CameraState(np.random.Generator(np.random.PCG64(config.seed)))
-        self._eye = Eye(config.scene, config.body, config.base.diameter, config.tagged)
+        self._eye = Eye(config.scene, config.body, config.base.diameter, config.fitted)
         # Drawn once: a picture takes a stretch of it from a place drawn anew, which is ten times as fast.
         pool = np.random.Generator(np.random.PCG64(config.seed)).standard_normal(_NOISE, np.float32)
         self._noise: NDArray[np.float32] = pool

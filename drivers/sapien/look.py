@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drivers.sapien.engine import sapien
 from drivers.sapien.objects import ObjectBody
-from drivers.sapien.optics import quaternion
+from drivers.sapien.optics import CameraModel, quaternion
 from drivers.sapien.scene import BoxObstacle, DiscObstacle, Scene, outer_walls
 from drivers.sapien.shapes import Box, Colour, Shape
 from runtime.errors import PushlaneError
@@ -28,6 +28,8 @@ TAGS = "DICT_4X4_50"
 _TAG_PIXELS, _TAG_CELLS = 32, 8
 """pixels of a tag's module in its texture; modules along it with its quiet zone"""
 
+_FITTING = 1
+"""beside the seed: of what is drawn about how things sit"""
 _WALL_HEIGHT, _WALL_COLOUR = 2.2, "#cfcabf"
 _FLOOR, _FLOOR_TILE = "#a58d6f", 1.6
 _AWAY = -100.0
@@ -55,14 +57,40 @@ class Sight:
     time: float
 
 
+@dataclass(frozen=True)
+class Fitted:
+    """How camera and tags really sit.
+
+    Attributes:
+        place, turn: (3,), m and a rotation vector, rad, base frame: of the camera, from where its model has it.
+        tags: x, y, yaw, m and rad, object's frame, of their cube; None: there are none.
+    """
+
+    place: Array
+    turn: Array
+    tags: Pose | None
+
+    @classmethod
+    def drawn(cls, camera: CameraModel, tags: Pose | None, errors: tuple[float, float], seed: int) -> Fitted:
+        """Return how they sit in one world.
+
+        Args:
+            tags: where the cube was meant to stand; errors: deviations along each axis, m, and of its yaw, rad.
+        """
+        random = np.random.Generator(np.random.PCG64([seed, _FITTING]))
+        place, turn = camera.off * random.standard_normal(3), camera.turned * random.standard_normal(3)
+        x, y, yaw = random.standard_normal(3) * (errors[0], errors[0], errors[1])
+        return cls(place, turn, None if tags is None else (tags[0] + x, tags[1] + y, tags[2] + yaw))
+
+
 class Eye:
-    """Draws pictures of `scene` with `body` in it, with tags on it if `tagged`.
+    """Draws pictures of `scene` with `body` in it.
 
     Raises:
         NoCamera: there is no Vulkan that can draw.
     """
 
-    def __init__(self, scene: Scene, body: ObjectBody, base_diameter: float, tagged: bool) -> None:
+    def __init__(self, scene: Scene, body: ObjectBody, base_diameter: float, fitted: Fitted) -> None:
         self._model = scene.camera
         try:
             self._scene = sapien.Scene([sapien.render.RenderSystem()])
@@ -84,7 +112,9 @@ class Eye:
         self._robot = self._add([rim])
         self._object = self._add(_looks(body))
         self._plates = (
-            [(plate, self._plate(number)) for number, plate in enumerate(plates(body.height))] if tagged else []
+            [(_pose(*fitted.tags) * plate, self._plate(number)) for number, plate in enumerate(plates(body.height))]
+            if fitted.tags is not None
+            else []
         )
         self._camera = sapien.render.RenderCameraComponent(self._model.width, self._model.height)
         self._camera.set_fovy(self._model.field)
@@ -92,7 +122,8 @@ class Eye:
         self._head = sapien.Entity()
         self._head.add_component(self._camera)
         self._scene.add_entity(self._head)
-        self._mount = sapien.Pose([self._model.x, self._model.y, self._model.z], _turned(self._model.rotation()))
+        place = np.array((self._model.x, self._model.y, self._model.z)) + fitted.place
+        self._mount = sapien.Pose(place, _turned(cv2.Rodrigues(fitted.turn)[0] @ self._model.rotation()))
 
     def look(self, sight: Sight) -> tuple[Array, Array | None]:
         """Return the picture, (H, W, 3), 0 to 1, red first, and the depth along the optical axis, (H, W), m.

@@ -26,14 +26,16 @@ class CameraModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     camera that looks ahead; positive pitch looks down. field: rad, vertical field of view. width, height: pixels.
     exposure: times the light. noise: grey levels of 255, standard deviation. rate: Hz. latency: s from the picture
     to its message. quality: of JPEG. depth: whether it measures depth as well; depth_noise: m at 1 m, standard
-    deviation, growing with the square of the range as that of cameras that triangulate.
+    deviation, growing with the square of the range as that of cameras that triangulate. off, turned: m and rad,
+    standard deviations along and about each axis of how the camera really sits to what it says of that: nobody
+    measures a mount exactly.
     """
 
     x: Metres = 0.12
     y: Metres = 0.0
     z: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 1.0
     yaw: Angle = 0.0
-    pitch: Angle = math.radians(54)
+    pitch: Angle = math.radians(50)
     roll: Angle = 0.0
     field: Annotated[float, msgspec.Meta(gt=0.1, lt=2.8)] = math.radians(76)
     width: Annotated[int, msgspec.Meta(ge=32, le=4096)] = 640
@@ -45,6 +47,8 @@ class CameraModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     quality: Annotated[int, msgspec.Meta(ge=10, le=100)] = 90
     depth: bool = False
     depth_noise: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.003
+    off: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.002
+    turned: Annotated[float, msgspec.Meta(ge=0.0, le=0.5)] = math.radians(0.2)
 
     @property
     def focal(self) -> float:

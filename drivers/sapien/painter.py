@@ -78,7 +78,7 @@ def main() -> None:
     lines, out = iter(sys.stdin.buffer.readline, b""), sys.stdout.buffer
     config = msgspec.json.decode(next(lines), type=SapienCameraConfig)
     camera = config.scene.camera
-    eye = Eye(config.scene, config.body, config.base.diameter, config.tagged)
+    eye = Eye(config.scene, config.body, config.base.diameter, config.fitted)
     generator = np.random.Generator(np.random.PCG64(config.seed))
     for line in lines:
         view = msgspec.json.decode(line, type=View)

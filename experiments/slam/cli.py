@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,7 +38,7 @@ KnownMap = Annotated[
     typer.Option(
         "--map",
         metavar="FILE.yaml",
-        help="Localise in this map, as map_server saves them, from nothing.",
+        help="Localise in this map, as map_server saves them, of cells of 0.05 m, from nothing.",
         show_default="a map is made",
     ),
 ]
@@ -68,12 +69,12 @@ def slam(
     from experiments.slam.logs import read
     from services.mapping.config import FilterConfig
 
-    if output is not None:
-        check_folder(output)
     log = read(file)
     if scans:
         log = log.cut(scans)
     given = None if known is None else maps.read(known)
+    if output is not None:
+        check_folder(output)
     config = FilterConfig(particles=particles, seed=seed)
     with shown("mapping" if given is None else "localising", len(log.ranges)) as advance:
         found = whole.run(log, config, advance, given)
@@ -98,6 +99,12 @@ def _told(log: Log, found: Mapped, furthest: float) -> list[str]:
         f"{len(log.ranges)} scans over {way:.0f} m; particles drawn anew {found.selections} times",
         f"a scan takes {median:.0f} ms, p99 {late:.0f} ms; {found.tiles} tiles, {found.alone} if nothing were shared",
     ]
+    if found.fit is not None:
+        x, y, theta = found.poses[0]
+        lines.append(
+            f"begun at ({x:.2f}, {y:.2f}) m, {round(math.degrees(theta))} degrees; {found.fit:.0%} of the first scan's "
+            "beams end where the map has something"
+        )
     if log.reference is None:
         off = found.poses[-1] - found.poses[0]
         raw = found.raw[-1] - found.raw[0]
@@ -126,9 +133,5 @@ def _told(log: Log, found: Mapped, furthest: float) -> list[str]:
 
 
 def _error(one: Agreement) -> str:
-    from math import degrees
-
-    return (
-        f"{one.mean:.3f} +- {one.deviation:.3f} m, {degrees(one.mean_turn):.2f} +- {degrees(one.deviation_turn):.2f} "
-        f"degrees, {one.pairs} pairs"
-    )
+    turn, deviation = math.degrees(one.mean_turn), math.degrees(one.deviation_turn)
+    return f"{one.mean:.3f} +- {one.deviation:.3f} m, {turn:.2f} +- {deviation:.2f} degrees, {one.pairs} pairs"

@@ -39,7 +39,9 @@ def read(file: Path) -> tuple[Cells, Array]:
     try:
         said = YAML(typ="safe", pure=True).load(file.read_text())
     except (OSError, UnicodeDecodeError, YAMLError) as error:
-        why = error.strerror if isinstance(error, OSError) else " ".join(str(error).split())
+        why: object = "no text" if isinstance(error, UnicodeDecodeError) else " ".join(str(error).split())
+        if isinstance(error, OSError):
+            why = error.strerror
         raise BadMap(f"{file}: {why}; expected the YAML file of a map as map_server saves it") from error
     if not isinstance(said, dict) or not {"image", "resolution", "origin"} <= said.keys():
         raise BadMap(f"{file}: expected image, resolution and origin")
@@ -60,9 +62,14 @@ def read(file: Path) -> tuple[Cells, Array]:
     picture = file.parent / str(said["image"])
     if not picture.is_file():
         raise BadMap(f"{picture}: there is no such file; {file} names it as its image")
-    grey = cv2.imread(str(picture), cv2.IMREAD_GRAYSCALE)
+    level = cv2.utils.logging.getLogLevel()
+    try:
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what it says is not for users
+        grey = cv2.imread(str(picture), cv2.IMREAD_GRAYSCALE)
+    finally:
+        cv2.utils.logging.setLogLevel(level)
     if grey is None:
-        raise BadMap(f"{picture}: no picture that can be read")
+        raise BadMap(f"{picture}: no picture that can be read, or one that is cut off; {file} names it as its image")
     share = grey / 255.0 if negate else 1.0 - grey / 255.0
     cells = np.where(share > occupied, 100, np.where(share < free, 0, 255)).astype(np.uint8)
     return np.ascontiguousarray(cells[::-1]), np.array([x, y])

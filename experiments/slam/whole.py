@@ -12,13 +12,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.slam.logs import Log
+from experiments.slam.logs import BadLog, Log
 from runtime.errors import PushlaneError
 from runtime.outputs import CannotWrite
 from services.geometry.pose import compose
 from services.mapping.config import FilterConfig
 from services.mapping.filter import Noise, Particles
-from services.mapping.globally import locate
+from services.mapping.globally import explained, locate
 from services.mapping.grid import RESOLUTION, Maps, off_cells
 
 matplotlib.use("Agg")
@@ -37,6 +37,7 @@ class Mapped:
         ticks: (K,), s, that each scan took.
         selections: how often particles were drawn anew.
         tiles: that the maps of all particles take together; alone: that they would take without sharing.
+        fit: share of the first scan's beams that end where the known map has something; None without one.
     """
 
     poses: Array
@@ -47,6 +48,7 @@ class Mapped:
     selections: int
     tiles: int
     alone: int
+    fit: float | None = None
 
 
 class NotFound(PushlaneError):
@@ -65,17 +67,21 @@ def run(
 
     Raises:
         NotFound: the map has no free place, or the first scan no beam that meets something.
+        BadLog: nor has any other scan.
     """
+    if not any(log.scan(k, config.furthest).returned.any() for k in range(len(log.ranges))):
+        raise BadLog(f"no beam of {len(log.ranges)} scans meets anything within {config.furthest:g} m")
     particles = Particles.at(log.start, config.particles, config.seed)
-    start, shift = log.start, np.zeros(2)
+    start, shift, fit = log.start, np.zeros(2), None
     if known is not None:
         # Everything is moved by what the map's cells are off ours, and back.
         shift = off_cells(known[1])
         particles.maps = Maps.known(known[0], known[1] - shift, config.particles)
-        poses, _ = locate(particles.maps, log.scan(0, config.furthest))
+        first = log.scan(0, config.furthest)
+        poses, _ = locate(particles.maps, first)
         if not len(poses):
             raise NotFound("the first scan fits nowhere on the map")
-        start = poses[0]
+        start, fit = poses[0], explained(particles.maps, first, poses[0])
         particles.poses[:] = start
     noise = Noise()
     past = np.zeros((config.particles, len(log.ranges), 3))
@@ -101,7 +107,7 @@ def run(
     poses = np.array([particles.mean(then) for then in past.swapaxes(0, 1)])
     return Mapped(
         poses + back, np.array(raw) + back, cells, corner + shift, np.array(ticks), selections,
-        int((owners > 0).sum()), int(owners.sum()),
+        int((owners > 0).sum()), int(owners.sum()), fit,
     )  # fmt: skip
 
 

@@ -32,6 +32,12 @@ def between(first: Array, second: Array) -> Array:
     return np.array((c * dx + s * dy, -s * dx + c * dy, wrap(float(second[2] - first[2]))))
 
 
+def rotation(angle: float) -> Array:
+    """Return the matrix, (2, 2), that turns by `angle`, rad, counter-clockwise."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
 def placed(points: Array, pose: Array) -> Array:
     """Return points, (N, 2), m, of the frame of `pose`, in the frame that `pose` is of."""
     c, s = math.cos(pose[2]), math.sin(pose[2])

@@ -1,5 +1,6 @@
 """Settings of the tracker."""
 
+import math
 from typing import Annotated, Literal
 
 import msgspec
@@ -39,6 +40,18 @@ class TrackerConfig(FilterConfig, frozen=True, kw_only=True, forbid_unknown_fiel
     ] = 0
     cube: Annotated[float, Meta(ge=0.01, le=2, description="m, side of the cube of tags on the object")] = 0.14
     height: Annotated[float, Meta(ge=0, le=5, description="m, of the object below the cube")] = 0.2
+    cube_at: Annotated[
+        tuple[float, float, float],
+        Meta(description="x, y, yaw of that cube, m and rad, from the object's centre and its x axis"),
+    ] = (0.0, 0.0, 0.0)
+    cube_off: Annotated[float, Meta(ge=0, le=1, description="m that this may be off, standard deviation")] = 0.002
+    cube_turned: Annotated[float, Meta(ge=0, le=1, description="rad, the same of its yaw")] = 0.02
+    mount_off: Annotated[
+        float, Meta(ge=0, le=1, description="m that the camera's place on the base may be off, standard deviation")
+    ] = 0.002
+    mount_turned: Annotated[
+        float, Meta(ge=0, le=1, description="rad that its attitude may be off about each axis, standard deviation")
+    ] = 0.0035
     diameter: Annotated[float, Meta(ge=0, le=10, description="m, d_o; 0: measured, which tags cannot")] = 0.0
     largest: Annotated[float, Meta(gt=0, le=10, description="m, what is wider is no object to push")] = 0.8
     furthest: Annotated[float, Meta(gt=0.3, le=20, description="m from below the camera, where looking ends")] = 3.0
@@ -47,5 +60,7 @@ class TrackerConfig(FilterConfig, frozen=True, kw_only=True, forbid_unknown_fiel
     ] = 0.25
 
     def __post_init__(self) -> None:
+        if not all(map(math.isfinite, self.cube_at)):
+            raise ValueError(f"cube_at is {self.cube_at}, expected finite numbers")
         if self.finds == "tags" and not self.diameter:
             raise ValueError("diameter is 0, expected d_o, m: tags do not say how large the object is")

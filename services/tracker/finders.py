@@ -15,7 +15,7 @@ from services.tracker.footprint import placed_by_top
 from services.tracker.layout import cube
 from services.tracker.outline import circle
 from services.tracker.pose import Belief, standing
-from services.tracker.region import Region
+from services.tracker.region import Region, along_and_across
 from services.tracker.segment import Sought, by_colour, continued, faced
 from services.tracker.sight import placed
 from services.tracker.tags import dictionary, finder
@@ -35,16 +35,16 @@ _GATE, _RUN = 0.12, 0.3
 """m that a thing may be off where the object should be, and m/s that it may be off more while it is not seen"""
 _PART = 0.6
 """of its diameter from which on as much is seen of what is cut that it need not be placed by its top"""
+_ALONG, _ACROSS = 0.03, 0.015
+"""m, deviations of what is cut but of which nothing seems missing"""
 _RIM = 0.01
 """m around the robot's own body that is taken for it in pictures of depths"""
 _RESIZED = 0.12
 """m, of a diameter that is not believed"""
 _SHARE = 0.1
 """of a picture in what is known of the object's height, at least"""
-_LEAST = 0.002
-"""m, of the layout and the calibration: tags in full view say less than a millimetre"""
-_LEAST_YAW = 0.01
-"""rad"""
+_LEAST, _LEAST_YAW = 0.0005, 0.002
+"""m and rad, of one picture's tags: in full view they say less"""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,8 @@ class TagFinder:
         self._finder = finder(config.dictionary)
         modules = dictionary(config.dictionary).markerSize + 2
         side = config.cube * modules / (modules + 2)  # a quiet zone of a module on each side
-        self._layout = cube(range(config.first_tag, config.first_tag + 5), config.cube, side, config.height)
+        ids = range(config.first_tag, config.first_tag + 5)
+        self._layout = cube(ids, config.cube, side, config.height, config.cube_at)
 
     def find(self, picture: Picture, view: View, memory: Memory) -> Sighting | None:  # noqa: ARG002, all finders alike
         """Return the object in a grey picture, (H, W), uint8; None if no tag of it shows where it is."""
@@ -178,6 +179,8 @@ class AppearanceFinder:
             memory.heights += 1
         if hint is not None and not hidden:
             region = replace(region, centre=region.centre + _resized(region, hint, floor.below))
+            if region.cut:
+                region = replace(region, covariance=_of_part(region, hint, floor.below))
         return _sighting(region, view)
 
     def _made(self, camera: Camera, mount: Mount, diameter: float) -> FloorView:
@@ -244,6 +247,15 @@ def _resized(region: Region, hint: Hint, below: Array) -> Array:
         more = min(more, 0.0)  # what is hidden makes it smaller
     away = region.centre - below
     return np.asarray(0.5 * min(max(more, -_RESIZED), _RESIZED) * away / max(float(np.hypot(*away)), 1e-6))
+
+
+def _of_part(region: Region, hint: Hint, below: Array) -> Array:
+    """Return the covariance, (2, 2), m^2, of a thing of which a part is hidden, as large as it was seen before.
+
+    What is missing of it may be at either side of what is seen.
+    """
+    missing = max(hint.diameter - region.diameter, 0.0) / 2.0
+    return along_and_across(region.centre - below, math.hypot(_ALONG, missing), math.hypot(_ACROSS, missing))
 
 
 def _sighting(region: Region, view: View) -> Sighting:

@@ -7,10 +7,12 @@ frame: its origin is the middle of the marker, x to the right and y up as it is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from services.geometry.pose import rotation
 
 Array = NDArray[np.float64]
 
@@ -80,13 +82,16 @@ def square(side: float) -> Array:
     return 0.5 * side * np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
 
 
-def cube(ids: Sequence[int], edge: float, side: float, bottom: float = 0.0) -> Layout:
-    """Return the layout of a cube that stands in the middle of the object.
+def cube(
+    ids: Sequence[int], edge: float, side: float, bottom: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Layout:
+    """Return the layout of a cube that stands on the object.
 
     Args:
         ids: five, of the tags on top, in front, on the left, behind and on the right.
         edge, side: m, of the cube and of the markers.
         bottom: m, the height of the cube's lower face.
+        at: x, y, yaw of the cube, m and rad, object's frame: the centre of the bounding circle, and its x axis.
 
     Raises:
         BadLayout: there are not five ids, or the markers are larger than the cube.
@@ -100,7 +105,11 @@ def cube(ids: Sequence[int], edge: float, side: float, bottom: float = 0.0) -> L
     for id, normal in zip(ids[1:], ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)), strict=True):
         out = np.array(normal)
         tags.append(Tag(id, side, _facing(out, up), middle + 0.5 * edge * out))
-    return Layout(tuple(tags))
+    turned, off = np.eye(3), np.array((at[0], at[1], 0.0))
+    turned[:2, :2] = rotation(at[2])
+    return Layout(
+        tuple(replace(tag, rotation=turned @ tag.rotation, position=turned @ tag.position + off) for tag in tags)
+    )
 
 
 def _facing(normal: Array, upper: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,7 +18,7 @@ from runtime.messages import (
 from runtime.service import Effects, Input, Output, Publication, Timer, on
 from runtime.time import SECOND, Time, nanoseconds
 from services.geometry.angles import wrap
-from services.geometry.pose import History, between, compose
+from services.geometry.pose import History, between, compose, rotation
 from services.tracker.config import TrackerConfig
 from services.tracker.filter import Reading, Track
 from services.tracker.finders import Hint, Memory, Sighting, View, finder_of
@@ -163,8 +162,7 @@ class TrackerService(SeeingService):
             yield self._say(self._ahead(state.track, said), said)
 
     def _take(self, seen: Sighting, pose: Array, stamp: Time) -> None:
-        c, s = math.cos(pose[2]), math.sin(pose[2])
-        turned = np.array([[c, -s], [s, c]])
+        turned = rotation(float(pose[2]))
         reading = Reading(
             place=turned @ seen.place + pose[:2],
             covariance=turned @ seen.covariance @ turned.T,
@@ -192,8 +190,7 @@ class TrackerService(SeeingService):
         track = self.state.track
         if track is None:
             return None
-        c, s = math.cos(pose[2]), math.sin(pose[2])
-        turned = np.array([[c, s], [-s, c]])
+        turned = rotation(-float(pose[2]))
         yaw = wrap(float(track.yaw[0] - pose[2])) if track.oriented else None
         age = (self.state.stamp - track.seen) / SECOND
         return Hint(
@@ -205,18 +202,40 @@ class TrackerService(SeeingService):
             age,
         )
 
+    def _doubt(self, place: Array) -> tuple[Array, float]:
+        """Return what nobody sees: what mount and tags may be off where the object, at `place`, (2,), base frame, is.
+
+        It stays the same from picture to picture, so that the filter could not tell it from the object's own place.
+
+        Returns:
+            (2, 2), m^2, base frame, and rad^2 of the yaw.
+        """
+        config, mount = self.config, self._mount
+        tagged = config.finds == "tags"
+        height = config.height + 0.5 * config.cube if tagged else 0.0
+        doubt, yaw = np.zeros((2, 2)), config.mount_turned**2
+        if mount is not None:
+            doubt = mount.doubt(np.array([*place, height]), config.mount_off, config.mount_turned)
+        if tagged:
+            x, y, _ = config.cube_at
+            doubt = doubt + np.eye(2) * (config.cube_off**2 + (x * x + y * y) * config.cube_turned**2)
+            yaw += config.cube_turned**2
+        return doubt, yaw
+
     def _say(self, track: Track, stamp: Time) -> Publication:
         """Say where the object is on the map. Where the odometry's frame is there has to be known."""
         origin, self.state.said = self.state.origin, stamp
         assert origin is not None
-        c, s = math.cos(origin[2]), math.sin(origin[2])
-        turned = np.array([[c, -s], [s, c]])
+        turned = rotation(float(origin[2]))
         place = origin[:2] + turned @ track.mean[:2]
-        covariance = turned @ track.covariance[:2, :2] @ turned.T
-        yaw_variance = float(track.yaw_covariance[0, 0])
+        seen_from = self.state.robots.at(stamp)
+        doubt, yaw_doubt = self._doubt(between(seen_from, np.array([*track.mean[:2], 0.0]))[:2])
+        facing = rotation(float(origin[2] + seen_from[2]))
+        covariance = turned @ track.covariance[:2, :2] @ turned.T + facing @ doubt @ facing.T
+        yaw_variance = float(track.yaw_covariance[0, 0]) + yaw_doubt
         if self.robot is not None and len(self.robot.covariance) == 9:
             # Seen from where the robot is taken to be: its error is the object's as well.
-            off = turned @ (track.mean[:2] - self.state.robots.at(stamp)[:2])
+            off = turned @ (track.mean[:2] - seen_from[:2])
             lever = np.array([[1.0, 0.0, -off[1]], [0.0, 1.0, off[0]]])
             pose = np.array(self.robot.covariance).reshape(3, 3)
             covariance, yaw_variance = covariance + lever @ pose @ lever.T, yaw_variance + float(pose[2, 2])

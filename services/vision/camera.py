@@ -123,6 +123,20 @@ class Mount:
         """Return points, (N, 3), m, base frame, in the camera's frame."""
         return (points - self.position) @ self.rotation
 
+    def doubt(self, point: Array, off: float, turned: float) -> Array:
+        """Return how far off what is seen at `point`, (3,), m, base frame, may be on its level plane: (2, 2), m^2.
+
+        Args:
+            off, turned: m and rad, what the mount itself may be off along and about each axis, standard deviations.
+        """
+        ray = point - self.position
+        if not ray[2] < 0.0:
+            return np.zeros((2, 2))
+        # The camera moved along or turned about an axis, the ray meets the plane elsewhere.
+        moved = np.concatenate([off * np.eye(3), turned * np.cross(np.eye(3), ray)])
+        shift = moved[:, :2] - np.outer(moved[:, 2] / ray[2], ray[:2])
+        return np.asarray(shift.T @ shift)
+
     def on_plane(self, rays: Array, height: float = 0.0) -> Array:
         """Return where rays, (N, 3), camera frame, meet the level plane at `height`, m: (N, 2), base frame.
 
