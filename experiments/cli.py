@@ -241,9 +241,9 @@ def tracking(
 
     given = batch_layers(config, assignments, "seeds go from --seed on")
     wanted = [case.name for case in sensing(senses.split(","))]
-    found: dict[str, list[measured.Watched]] = {name: [] for name in wanted}
+    found: dict[str, list[measured.Run]] = {name: [] for name in wanted}
     done = measured.carried_out(wanted, runs, seed, jobs, given)
     console = Console(stderr=True)
-    for sense, watched in track(done, total=runs * len(wanted), description="pushing", console=console):
-        found[sense].append(watched)
-    typer.echo(measured.table(found).markdown())
+    for sense, one in track(done, total=runs * len(wanted), description="pushing", console=console):
+        found[sense].append(one)
+    typer.echo("\n".join(one.markdown() for one in measured.tables(found)))

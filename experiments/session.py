@@ -191,6 +191,8 @@ def _known(name: str, room: scene.Scene | None) -> object:
         return msgspec.to_builtins(KnownMap.of(plan.cells, np.array(plan.origin)))
     from experiments.slam import maps  # OpenCV
 
+    if not Path(name).is_file():
+        raise maps.BadMap(f"sim.map is '{name}', expected plan, or a map's YAML file: there is no such file")
     return msgspec.to_builtins(KnownMap.of(*maps.read(Path(name))))
 
 

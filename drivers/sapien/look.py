@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -116,7 +117,9 @@ class Eye:
             if fitted.tags is not None
             else []
         )
-        self._camera = sapien.render.RenderCameraComponent(self._model.width, self._model.height)
+        # The same colours in half the time; depth is only there with all the rest.
+        shader = "" if self._model.depth else str(Path(sapien.__file__).parent / "vulkan_shader" / "minimal")
+        self._camera = sapien.render.RenderCameraComponent(self._model.width, self._model.height, shader)
         self._camera.set_fovy(self._model.field)
         self._camera.near, self._camera.far = 0.02, 30.0
         self._head = sapien.Entity()

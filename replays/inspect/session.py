@@ -22,6 +22,7 @@ from zstandard import ZstdError
 
 import runtime.messages  # noqa: F401
 from replays.inspect.errors import Unreadable
+from replays.integrity import MAGIC
 
 M = TypeVar("M", bound=Message)
 
@@ -109,10 +110,18 @@ def read_session(path: Path) -> Session:
     except _DAMAGE as error:
         damage = f"{type(error).__name__}: {error}".rstrip(": ")
     if not reading.rows:
+        begins = _begins(path)
+        if begins != MAGIC:
+            raise Unreadable(f"{path}: nothing to show: it begins with {begins!r}, as no MCAP file does")
         unknown = f"{sum(reading.undecoded.values())} messages, none of a type known here"
         raise Unreadable(f"{path}: nothing to show ({damage or unknown}); expected an MCAP session")
     tracks = {topic: _sorted(rows) for topic, rows in sorted(reading.rows.items())}
     return Session(tracks, reading.metadata, reading.attachments, reading.undecoded, damage)
+
+
+def _begins(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(len(MAGIC))
 
 
 @dataclass

@@ -35,12 +35,12 @@ Array = NDArray[np.float64]
 
 _REMEMBERED = 2.0
 """s of odometry"""
-_LEAST = np.diag([0.01**2, 0.01**2, 0.005**2])
+_LEAST = np.diag([0.004**2, 0.004**2, 0.002**2])
 """m^2 and rad^2: that of a map that is made while it is used. Particles that agree know nothing of the errors that all
-of them share; this is what is left on rounds through rooms (docs/mapping.md)."""
-_LEAST_KNOWN = np.diag([0.02**2, 0.02**2, 0.005**2])
-"""The same of a map that was made before: its surfaces are anywhere within cells of 0.05 m, and so is what is drawn
-over them by a robot that was located in it."""
+of them share; with this the squared normalised error is about what it should be (`pushlane experiment tracking`)."""
+_LEAST_KNOWN = np.diag([RESOLUTION**2 / 12.0, RESOLUTION**2 / 12.0, 0.002**2])
+"""The same of a map that was made before: its surfaces are anywhere within their cells, and so is what is drawn over
+them by a robot that was located in it."""
 _CARRIED = 0.3
 """m from where the object was seen last at which it was carried, not pushed"""
 _AHEAD = 0.1

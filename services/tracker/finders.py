@@ -91,6 +91,8 @@ class Sighting:
         place: (2,), m, o. covariance: (2, 2), m^2.
         yaw: rad; None where it cannot be seen. yaw_variance: rad^2.
         diameter: m; 0 where it cannot be seen.
+        doubt: (2, 2), m^2, what place may be off in picture after picture, since the mount and the tags are not exactly
+            where they are said to be; yaw_doubt: rad^2.
         outlines: (N, 2) each, pixels, around what was found.
     """
 
@@ -99,6 +101,8 @@ class Sighting:
     yaw: float | None = None
     yaw_variance: float = 0.0
     diameter: float = 0.0
+    doubt: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    yaw_doubt: float = 0.0
     outlines: list[Array] = field(default_factory=list)
 
 
@@ -126,23 +130,32 @@ class TagFinder:
         self._finder = finder(config.dictionary)
         modules = dictionary(config.dictionary).markerSize + 2
         side = config.cube * modules / (modules + 2)  # a quiet zone of a module on each side
+        self._config = config
         ids = range(config.first_tag, config.first_tag + 5)
         self._layout = cube(ids, config.cube, side, config.height, config.cube_at)
 
     def find(self, picture: Picture, view: View, memory: Memory) -> Sighting | None:  # noqa: ARG002, all finders alike
         """Return the object in a grey picture, (H, W), uint8; None if no tag of it shows where it is."""
         tags = self._finder.find(np.asarray(picture, np.uint8), view.camera)
-        found = standing(tags, self._layout, view.camera, view.mount, _belief(view.hint))
+        config = self._config
+        mount_error = (config.mount_off, config.mount_turned)
+        found = standing(tags, self._layout, view.camera, view.mount, _belief(view.hint), mount_error=mount_error)
         if found is None:
             return None
         covariance = found.covariance + np.diag([_LEAST**2, _LEAST**2, _LEAST_YAW**2])
-        own = self._layout.by_id()
+        own, (x, y, _) = self._layout.by_id(), config.cube_at
         outlines = []
         for name in found.used:
             corners = view.mount.to_camera(placed(own[name].corners(), found.pose))
             outlines.append(view.camera.project(corners))
         return Sighting(
-            found.pose[:2], covariance[:2, :2], float(found.pose[2]), float(covariance[2, 2]), outlines=outlines
+            found.pose[:2],
+            covariance[:2, :2],
+            float(found.pose[2]),
+            float(covariance[2, 2]),
+            doubt=found.doubt[:2, :2] + np.eye(2) * (config.cube_off**2 + (x * x + y * y) * config.cube_turned**2),
+            yaw_doubt=float(found.doubt[2, 2]) + config.cube_turned**2,
+            outlines=outlines,
         )
 
 
@@ -181,7 +194,7 @@ class AppearanceFinder:
             region = replace(region, centre=region.centre + _resized(region, hint, floor.below))
             if region.cut:
                 region = replace(region, covariance=_of_part(region, hint, floor.below))
-        return _sighting(region, view)
+        return _sighting(region, view, self._config)
 
     def _made(self, camera: Camera, mount: Mount, diameter: float) -> FloorView:
         """Return what the pixels see of the floor."""
@@ -208,7 +221,7 @@ class DepthFinder:
         except NoPlane:
             return None
         region = _chosen(things(eye, depth, plane), self._sought, view.hint)
-        return None if region is None else _sighting(region, view)
+        return None if region is None else _sighting(region, view, self._config)
 
     def _made(self, camera: Camera, mount: Mount, diameter: float) -> tuple[DepthEye, NDArray[np.bool_]]:
         """Return the eye, and which pixels, (H, W), show the top of the robot's own body."""
@@ -258,10 +271,11 @@ def _of_part(region: Region, hint: Hint, below: Array) -> Array:
     return along_and_across(region.centre - below, math.hypot(_ALONG, missing), math.hypot(_ACROSS, missing))
 
 
-def _sighting(region: Region, view: View) -> Sighting:
+def _sighting(region: Region, view: View, config: TrackerConfig) -> Sighting:
     outline = circle(region.centre, region.diameter, view.camera, view.mount)
     diameter = 0.0 if region.cut else region.diameter
-    return Sighting(region.centre, region.covariance, diameter=diameter, outlines=[outline])
+    doubt = view.mount.doubt(np.array([*region.centre, 0.0]), config.mount_off, config.mount_turned)
+    return Sighting(region.centre, region.covariance, diameter=diameter, doubt=doubt, outlines=[outline])
 
 
 def _belief(hint: Hint | None) -> Belief | None:

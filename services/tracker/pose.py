@@ -51,7 +51,8 @@ class Standing:
 
     Attributes:
         pose: (3,), x, y, yaw, m, m, rad, base frame.
-        covariance: (3, 3).
+        covariance: (3, 3), of what differs from picture to picture.
+        doubt: (3, 3), the same of what stays: where the camera sits is known only so well.
         rms: pixels from the corners found to where they should be, over the tags used.
         used: ids of the tags that the pose is from, ascending.
         dropped: ids of the object's tags that contradict it, ascending.
@@ -59,6 +60,7 @@ class Standing:
 
     pose: Array
     covariance: Array
+    doubt: Array
     rms: float
     used: tuple[int, ...]
     dropped: tuple[int, ...]
@@ -66,7 +68,7 @@ class Standing:
 
 def standing(
     tags: Tags, layout: Layout, camera: Camera, mount: Mount, expected: Belief | None = None,
-    noise: float = NOISE, tolerance: float = TOLERANCE,
+    noise: float = NOISE, tolerance: float = TOLERANCE, mount_error: tuple[float, float] = (0.0, 0.0),
 ) -> Standing | None:  # fmt: skip
     """Return the pose of an object that stands on the floor, or None if no tag of it shows one.
 
@@ -75,6 +77,7 @@ def standing(
     Args:
         tags: found in a picture, of this object or not.
         noise, tolerance: pixels.
+        mount_error: m and rad, of the mount, standard deviations along and about each axis.
     """
     own = layout.by_id()
     seen = [k for k, id in enumerate(tags.ids.tolist()) if id in own]
@@ -113,9 +116,9 @@ def standing(
         return None
     pose, used = best
     ids = tags.ids[seen]
-    covariance, rms = sight.certainty(pose, used, noise)
+    covariance, doubt, rms = sight.certainty(pose, used, noise, *mount_error)
     pose[2] = wrap(float(pose[2]))
-    return Standing(pose, covariance, rms, tuple(ids[used].tolist()), tuple(ids[~used].tolist()))
+    return Standing(pose, covariance, doubt, rms, tuple(ids[used].tolist()), tuple(ids[~used].tolist()))
 
 
 def _on_floor(tag: Tag, rotation: Array, position: Array) -> Array:

@@ -45,6 +45,8 @@ class TrackerState:
         robots: where the robot was lately, odometry's frame.
         origin: (3,), x, y, theta, of that frame in the map's, as mapping says now.
         track: of the object, odometry's frame; None before it was seen.
+        doubt: (2, 2), m^2, odometry's frame, what it may be off in picture after picture, which the filter cannot tell
+            from its place; yaw_doubt: rad^2.
         looked: ns, when a picture came last; stamp: of which time it was; 0 before.
         said: ns, of which time the last published state is.
         memory: what is learned for finding it.
@@ -54,6 +56,8 @@ class TrackerState:
     robots: History = field(default_factory=History)
     origin: Array | None = None
     track: Track | None = None
+    doubt: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    yaw_doubt: float = 0.0
     looked: Time = 0
     stamp: Time = 0
     said: Time = 0
@@ -170,6 +174,7 @@ class TrackerService(SeeingService):
             yaw_variance=seen.yaw_variance,
             diameter=self.config.diameter or seen.diameter,
         )
+        self.state.doubt, self.state.yaw_doubt = turned @ seen.doubt @ turned.T, seen.yaw_doubt
         if self.state.track is None:
             self.state.track = Track.begin(reading, stamp, self.config)
         else:
@@ -202,40 +207,17 @@ class TrackerService(SeeingService):
             age,
         )
 
-    def _doubt(self, place: Array) -> tuple[Array, float]:
-        """Return what nobody sees: what mount and tags may be off where the object, at `place`, (2,), base frame, is.
-
-        It stays the same from picture to picture, so that the filter could not tell it from the object's own place.
-
-        Returns:
-            (2, 2), m^2, base frame, and rad^2 of the yaw.
-        """
-        config, mount = self.config, self._mount
-        tagged = config.finds == "tags"
-        height = config.height + 0.5 * config.cube if tagged else 0.0
-        doubt, yaw = np.zeros((2, 2)), config.mount_turned**2
-        if mount is not None:
-            doubt = mount.doubt(np.array([*place, height]), config.mount_off, config.mount_turned)
-        if tagged:
-            x, y, _ = config.cube_at
-            doubt = doubt + np.eye(2) * (config.cube_off**2 + (x * x + y * y) * config.cube_turned**2)
-            yaw += config.cube_turned**2
-        return doubt, yaw
-
     def _say(self, track: Track, stamp: Time) -> Publication:
         """Say where the object is on the map. Where the odometry's frame is there has to be known."""
         origin, self.state.said = self.state.origin, stamp
         assert origin is not None
         turned = rotation(float(origin[2]))
         place = origin[:2] + turned @ track.mean[:2]
-        seen_from = self.state.robots.at(stamp)
-        doubt, yaw_doubt = self._doubt(between(seen_from, np.array([*track.mean[:2], 0.0]))[:2])
-        facing = rotation(float(origin[2] + seen_from[2]))
-        covariance = turned @ track.covariance[:2, :2] @ turned.T + facing @ doubt @ facing.T
-        yaw_variance = float(track.yaw_covariance[0, 0]) + yaw_doubt
+        covariance = turned @ (track.covariance[:2, :2] + self.state.doubt) @ turned.T
+        yaw_variance = float(track.yaw_covariance[0, 0]) + self.state.yaw_doubt
         if self.robot is not None and len(self.robot.covariance) == 9:
             # Seen from where the robot is taken to be: its error is the object's as well.
-            off = turned @ (track.mean[:2] - seen_from[:2])
+            off = turned @ (track.mean[:2] - self.state.robots.at(stamp)[:2])
             lever = np.array([[1.0, 0.0, -off[1]], [0.0, 1.0, off[0]]])
             pose = np.array(self.robot.covariance).reshape(3, 3)
             covariance, yaw_variance = covariance + lever @ pose @ lever.T, yaw_variance + float(pose[2, 2])

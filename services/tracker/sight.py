@@ -103,12 +103,41 @@ class Sight:
                 break
         return pose
 
-    def certainty(self, pose: Array, used: NDArray[np.bool_], noise: float) -> tuple[Array, float]:
-        """Return the covariance of a pose, (3, 3), and its error, root mean square, pixels."""
+    def certainty(
+        self, pose: Array, used: NDArray[np.bool_], noise: float, off: float, turned: float
+    ) -> tuple[Array, Array, float]:
+        """Return how well a pose is known.
+
+        Corners farther from where they should be than their noise and the mount explain widen the first covariance.
+
+        Args:
+            noise: pixels, of a corner.
+            off, turned: m and rad, what the mount is off along and about each axis of the base, standard deviations.
+
+        Returns:
+            Covariance, (3, 3), by noise, which differs from picture to picture; by the mount, which stays; and the
+            error of the corners, root mean square, pixels.
+        """
         J, r = self.slopes(pose)[used].reshape(-1, 3), self.errors(pose)[used].ravel()
+        by_mount = self._by_mount(pose, used) * np.repeat((off, turned), 3)
+        inverse = np.linalg.inv(J.T @ J)
+        moved = inverse @ (J.T @ by_mount)
+        # What the mount puts between corners and pose, and the pose does not take up.
+        left = float(((by_mount - J @ moved) ** 2).sum()) / (len(r) - 3)
         spread = float(r @ r) / (len(r) - 3)
-        variance = spread if spread > _UNUSUAL * noise**2 else noise**2
-        return np.asarray(variance * np.linalg.inv(J.T @ J)), math.sqrt(2.0 * float(r @ r) / len(r))
+        variance = spread - left if spread > _UNUSUAL * (noise**2 + left) else noise**2
+        return np.asarray(variance * inverse), moved @ moved.T, math.sqrt(2.0 * float(r @ r) / len(r))
+
+    def _by_mount(self, pose: Array, used: NDArray[np.bool_]) -> Array:
+        """Return the derivatives of `errors` by the mount's place and turn, along and about base's axes: (8 N, 6)."""
+        away = placed(self.points[used], pose) - self.mount.position
+        camera = (away @ self.mount.rotation)[..., None, :]
+        along = np.broadcast_to(np.eye(3), (*away.shape, 3))
+        # The camera moved or turned, what it sees moves the other way; the sign is nobody's concern here.
+        moved = np.concatenate([along, np.cross(np.eye(3), away[..., None, :])], axis=-2) @ self.mount.rotation
+        depth = camera[..., 2:]
+        slopes = (moved[..., :2] - camera[..., :2] / depth * moved[..., 2:]) / depth * self.focal
+        return np.asarray(np.swapaxes(slopes, -1, -2).reshape(-1, 6))
 
 
 def placed(points: Array, pose: Array) -> Array:

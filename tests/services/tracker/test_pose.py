@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import assume, example, given
@@ -16,6 +17,7 @@ from services.tracker.attitude import free, planar
 from services.tracker.layout import Layout, Tag, cube
 from services.tracker.pose import NOISE, Belief, Standing, standing
 from services.tracker.tags import Tags
+from services.vision.camera import Mount
 from tests.services.tracker.pictures import camera, facing, mount, seen
 
 Array = NDArray[np.float64]
@@ -77,6 +79,28 @@ def test_the_covariance_is_honest(only: tuple[int, ...], noise: float) -> None:
         total += float(d @ np.linalg.solve(found.covariance, d))
     low, high = chi2.ppf([0.025, 0.975], 3 * draws)
     assert low < total < high
+
+
+@pytest.mark.parametrize("only", [ALL, (0,), (1, 2, 3, 4)])
+@pytest.mark.parametrize("turned", [0.0035, 0.01])
+def test_what_the_mount_may_be_off_covers_what_it_is_off(turned: float, only: tuple[int, ...]) -> None:
+    """Each draw is a camera mounted anew: the squared errors are those of 3 numbers a draw."""
+    random = np.random.default_rng(5)
+    draws, total, off, count = 300, 0.0, 0.004, 0
+    for _ in range(draws):
+        pose, _ = drawn(random, only)
+        turn = cv2.Rodrigues(turned * random.standard_normal(3))[0]
+        real = Mount(turn @ mount().rotation, mount().position + off * random.standard_normal(3))
+        tags = seen(CUBE, pose, camera(), real, only)
+        if not len(tags.ids):
+            continue
+        found = standing(noisy(tags, NOISE, random), CUBE, camera(), mount(), mount_error=(off, turned))
+        d = away(found, pose)
+        assert found is not None
+        total += float(d @ np.linalg.solve(found.covariance + found.doubt, d))
+        count += 3
+    low, high = chi2.ppf([0.025, 0.975], count)
+    assert low < total < high, total / count
 
 
 def test_corners_worse_than_their_noise_widen_the_covariance() -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.tracker.attitude import planar
 from services.tracker.layout import Tag, square
 from services.tracker.tags import Finder, NotGrey, UnknownDictionary, dictionaries, dictionary, finder
+from tests.figures import Figures
 from tests.services.tracker.pictures import camera, facing, picture
 
 Array = NDArray[np.float64]
@@ -46,6 +47,19 @@ def test_corners_are_those_of_the_print(z: float, within: float) -> None:
         theirs.append(outward(np.array(common.detectMarkers(grey)[0][0], np.float64)[0], true))
     assert abs(np.mean(ours)) < 0.03
     assert np.mean(theirs) < -0.2
+
+
+def test_small_markers_are_read(figures: Figures) -> None:
+    """Of 15 to 31 pixels, tilted by up to a radian. OpenCV's own settings read many of them wrongly, that is, not at all."""
+    random, count, found, usual = np.random.default_rng(1), 200, 0, 0
+    common = cv2.aruco.ArucoDetector(dictionary("DICT_4X4_50"))
+    for _ in range(count):
+        turn = (random.uniform(-1.0, 1.0), random.uniform(-0.3, 0.3), random.uniform(-3.0, 3.0))
+        grey = picture(camera(), facing(turn), np.array([0.0, 0.0, random.uniform(1.0, 2.0)]), SIDE, noise=2.0)
+        found += finder("DICT_4X4_50").find(grey).ids.tolist() == [3]
+        usual += common.detectMarkers(grey)[1] is not None
+    figures(f"{found} of {count} small markers read, by OpenCV's own settings {usual}")
+    assert count - found < 0.4 * (count - usual)
 
 
 @pytest.mark.parametrize("z", [0.5, 1.0, 1.6])
