@@ -227,7 +227,7 @@ def tracking(
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Of the first run.")] = 1,
     senses: Annotated[
-        str, typer.Option(metavar="A,B", help="Only these: truth, tags, appearance, depth.")
+        str, typer.Option(metavar="A,B", help="Only these: truth, tags, plan, appearance, depth, 'untagged plan'.")
     ] = "tags,appearance,depth",
     config: ConfigFile = None,
     assignments: Assignments = None,

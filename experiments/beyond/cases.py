@@ -43,11 +43,14 @@ SENSES: dict[str, dict[str, dict[str, Any]]] = {
     "plan": {"sim": {"perception": "sensors", "map": "plan"}},
     "appearance": {"sim": {"perception": "sensors", "tagged": False}},
     "depth": {"sim": {"perception": "sensors", "tagged": False, "depth": True}},
+    "untagged plan": {"sim": {"perception": "sensors", "tagged": False, "map": "plan"}},
     "no yaw": {"perception": {"yaw": False}},
 }
 """How the pushes of `sensing` are seen: by truth with noise and delay, or by sensors, with an object that bears tags,
-the same with the room's floor plan known, one without tags that looks other than the floor, and one without before a
-camera that measures depth. The last two see no yaw, so truth without it stands beside them."""
+the same with the room's floor plan known, one without tags that looks other than the floor, one without before a
+camera that measures depth, and one that looks other in a room whose floor plan is known."""
+BLIND = ("appearance", "depth", "untagged plan")
+"""those of them that see no yaw: truth without it stands beside them"""
 
 YAWS = 8
 """orientations at the goal, at equal angles"""

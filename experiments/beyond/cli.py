@@ -38,7 +38,9 @@ Perception = Annotated[str, typer.Option(metavar="NAME", help="truth or sensors.
 Senses = Annotated[
     str,
     typer.Option(
-        metavar="A,B", help="Only these: truth, tags, plan, appearance, depth, 'no yaw'.", show_default="all of them"
+        metavar="A,B",
+        help="Only these: truth, tags, plan, appearance, depth, 'untagged plan', 'no yaw'.",
+        show_default="all of them",
     ),
 ]
 Plots = Annotated[bool, typer.Option("--plots/--no-plots", help="Draw.")]

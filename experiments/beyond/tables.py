@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 
 from experiments.beyond.cases import (
+    BLIND,
     CORRIDORS,
     FRICTIONS,
     NO_YAW,
@@ -239,7 +240,7 @@ def sensors(outcomes: Sequence[Outcome]) -> list[Table]:
         for name, some in mine.items():
             if not some:
                 continue
-            other = "no yaw" if name in ("appearance", "depth") and mine["no yaw"] else "truth"
+            other = "no yaw" if name in BLIND and mine["no yaw"] else "truth"
             known = {one.seed: one for one in mine[other]}
             both = [one for one in some if one.seed in known]
             gain = sum(one.success - known[one.seed].success for one in both)
