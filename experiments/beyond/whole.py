@@ -87,8 +87,8 @@ NOTES = {
         "the same seed. *truth*: positions from the simulation with their usual noise and delay, and its map. Others: "
         "mapping from laser and odometry that begins with nothing, and the tracker's camera; *tags*: a cube of five "
         "tags on the object; *plan*: tags, and the room's floor plan known; *appearance*: none, it is found because it "
-        "looks other than the floor; *depth*: none, before a camera that measures depth; *untagged plan*: none, found by "
-        "its looks, in a room whose floor plan is known. These three see no yaw, as does *no yaw*: truth without it."
+        "looks other than the floor; *depth*: none, before a camera that measures depth; *untagged plan*: none, found "
+        "by its looks, in a room whose floor plan is known. These three see no yaw, as does *no yaw*: truth without it."
     ),
 }
 

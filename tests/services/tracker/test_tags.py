@@ -50,7 +50,7 @@ def test_corners_are_those_of_the_print(z: float, within: float) -> None:
 
 
 def test_small_markers_are_read(figures: Figures) -> None:
-    """Of 15 to 31 pixels, tilted by up to a radian. OpenCV's own settings read many of them wrongly, that is, not at all."""
+    """Of 15 to 31 pixels, tilted by up to a radian. OpenCV's own settings read more of them wrongly, so not at all."""
     random, count, found, usual = np.random.default_rng(1), 200, 0, 0
     common = cv2.aruco.ArucoDetector(dictionary("DICT_4X4_50"))
     for _ in range(count):
