@@ -35,7 +35,7 @@ messages: setup
 demo: setup
 	deploy/system-packages
 	rm -rf demo && mkdir demo
-	$(BIN)/pushlane sim --seed 1 --strategy predictive --controller predictive -o demo/session.mcap
+	$(BIN)/pushlane sim --seed 1 -o demo/session.mcap
 	$(BIN)/pushlane replay demo/session.mcap
 	$(BIN)/pushlane inspect demo/session.mcap --save demo/session.rrd --screenshot demo/session.png
 

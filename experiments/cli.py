@@ -47,9 +47,19 @@ def sim(
         typer.Option(metavar="X Y", help="Where to, in m on the map.", show_default="the scene's own"),
     ] = None,
     strategy: Annotated[
-        str, typer.Option(help="How the next target is chosen: one of --list.", show_default="strict")
+        str,
+        typer.Option(
+            help="How the next target is chosen: one of --list.",
+            show_default="predictive; strict with one of the paper's controllers",
+        ),
     ] = "",
-    controller: Annotated[str, typer.Option(help="How the base pushes: one of --list.", show_default="adaptive")] = "",
+    controller: Annotated[
+        str,
+        typer.Option(
+            help="How the base pushes: one of --list.",
+            show_default="predictive; adaptive with one of the paper's strategies",
+        ),
+    ] = "",
     precision: Annotated[
         float | None, typer.Option(metavar="M", help="Delivered within this distance.", show_default="0.1")
     ] = None,
@@ -204,6 +214,8 @@ def deliveries(
 
     from experiments.session import prepare
     from experiments.trials import Batch, deliver
+    from services.names import method
+    from services.task.config import TaskConfig
 
     given = batch_layers(config, assignments, "seeds go from --first on")
     session = prepare(given)
@@ -213,9 +225,12 @@ def deliveries(
     console = Console(stderr=True)
     done = list(track(deliver(given, seeds, jobs, failures), total=trials, description="pushing", console=console))
     sim_ = session.sim
+    task = session.effective.sections["task"]
+    assert isinstance(task, TaskConfig)
+    strategy, controller = method(sim_.strategy, sim_.controller, (task.strategy, task.controller))
     typer.echo(
-        f"{sim_.object or 'its own object'} in {sim_.scene}, {sim_.strategy or 'strict'}, "
-        f"{sim_.controller or 'adaptive'}, seeds {first} to {first + trials - 1}"
+        f"{sim_.object or 'its own object'} in {sim_.scene}, {strategy}, {controller}, "
+        f"seeds {first} to {first + trials - 1}"
     )
     for line in Batch(done).text():
         typer.echo(line)

@@ -14,8 +14,8 @@ YAW_PRECISION = (0.05, 3.15)
 class TaskConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Settings of the task service (Sec. 6.2). What a goal leaves open is taken from here."""
 
-    strategy: Annotated[Strategy, Meta(description="of goals that name none")] = "strict"
-    controller: Annotated[Controller, Meta(description="of goals that name none")] = "adaptive"
+    strategy: Annotated[Strategy, Meta(description="of goals that name none")] = "predictive"
+    controller: Annotated[Controller, Meta(description="of goals that name none")] = "predictive"
     precision: Annotated[float, Meta(gt=0, le=5, description="m, of goals that state none")] = 0.1
     yaw_precision: Annotated[
         float,

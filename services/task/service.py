@@ -25,7 +25,7 @@ from runtime.time import Time, seconds
 from services.geometry.angles import difference
 from services.geometry.corridor import CorridorGeometry
 from services.geometry.wire import geometry, vector
-from services.names import CONTROLLERS, STRATEGIES
+from services.names import CONTROLLERS, STRATEGIES, method
 from services.task.arrival import Arrival
 from services.task.config import YAW_PRECISION, TaskConfig
 from services.task.progress import Progress
@@ -102,8 +102,7 @@ class TaskService(Service):
         goal = PushGoal()
         goal.CopyFrom(request)
         goal.stamp, goal.id, goal.active = now, self.state.goal.id + 1, True
-        goal.strategy = request.strategy or self.config.strategy
-        goal.controller = request.controller or self.config.controller
+        goal.strategy, goal.controller = self._method(request)
         goal.precision = request.precision or self.config.precision
         goal.time_limit = request.time_limit or self.config.time_limit
         if goal.HasField("yaw"):
@@ -201,12 +200,15 @@ class TaskService(Service):
             return f"time limit {request.time_limit} s is below 0"
         return self._refusal_of_yaw(request)
 
+    def _method(self, request: PushGoal) -> tuple[str, str]:
+        return method(request.strategy, request.controller, (self.config.strategy, self.config.controller))
+
     def _refusal_of_yaw(self, request: PushGoal) -> str:
         if not request.HasField("yaw"):
             return "yaw_precision is of no use without yaw" if request.yaw_precision else ""
         if request.yaw_precision and not YAW_PRECISION[0] <= request.yaw_precision <= YAW_PRECISION[1]:
             return f"yaw_precision {request.yaw_precision} rad is not from {YAW_PRECISION[0]} to {YAW_PRECISION[1]}"
-        strategy = request.strategy or self.config.strategy
+        strategy, _ = self._method(request)
         if strategy != "predictive":
             return f"strategy '{strategy}' does not turn objects to an orientation; expected 'predictive'"
         if self.object is not None and not self.object.HasField("yaw"):

@@ -9,7 +9,8 @@ import pytest
 from experiments.session import prepare, run
 from runtime.config.layers import Layer
 
-SHORT = Layer("test", {"sim": {"scene": "open", "goal": [1.6, 0.3], "seed": 7}, "timing": {"snapshot_period": 2.0}})
+_SIM = {"scene": "open", "goal": [1.6, 0.3], "seed": 7, "strategy": "strict", "controller": "adaptive"}
+SHORT = Layer("test", {"sim": _SIM, "timing": {"snapshot_period": 2.0}})
 
 
 @pytest.fixture(scope="session")

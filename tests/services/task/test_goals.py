@@ -10,6 +10,7 @@ from runtime.guard import Guard
 from runtime.messages import ObjectState, PushGoal, PushStatus, Reply, Request, Vector2, Visibility
 from runtime.node import Node
 from runtime.sample import Sample
+from services.names import method
 from services.task.config import TaskConfig
 from services.task.service import TaskService
 
@@ -31,7 +32,7 @@ def answered(goal: PushGoal, yaw: float | None = 0.3) -> tuple[Reply, list[Sampl
 @pytest.mark.parametrize(
     ("changes", "yaw", "why"),
     [
-        ({"yaw": 0.5}, 0.3, "strategy 'strict' does not turn objects"),
+        ({"yaw": 0.5, "strategy": "strict"}, 0.3, "strategy 'strict' does not turn objects"),
         ({"yaw": 0.5, "strategy": "predictive"}, None, "does not see this object's orientation"),
         ({"yaw_precision": 0.2}, 0.3, "yaw_precision is of no use without yaw"),
         ({"yaw": 0.5, "yaw_precision": 4.0, "strategy": "predictive"}, 0.3, "yaw_precision 4.0 rad is not from 0.05"),
@@ -45,6 +46,31 @@ def test_what_cannot_be_done_is_refused(changes: dict[str, object], yaw: float |
     answer, _ = answered(PushGoal(position=Vector2(x=2.0, y=1.0), **changes), yaw)  # type: ignore[arg-type]
     assert not answer.accepted
     assert why in answer.reason
+
+
+@pytest.mark.parametrize(
+    ("named", "taken"),
+    [
+        (("", ""), ("predictive", "predictive")),
+        (("predictive", ""), ("predictive", "predictive")),
+        (("relaxed", ""), ("relaxed", "adaptive")),
+        (("", "dipole"), ("strict", "dipole")),
+        (("", "predictive"), ("predictive", "predictive")),
+        (("predictive", "adaptive"), ("predictive", "adaptive")),
+    ],
+)
+def test_what_is_not_named_goes_with_what_is(named: tuple[str, str], taken: tuple[str, str]) -> None:
+    strategy, controller = named
+    answer, samples = answered(PushGoal(position=Vector2(x=2.0, y=1.0), strategy=strategy, controller=controller))
+    assert answer.accepted, answer.reason
+    goal = next(PushGoal.FromString(one.payload) for one in samples if one.topic == "push/goal")
+    assert (goal.strategy, goal.controller) == taken
+
+
+def test_configured_halves_stay_where_they_go_together() -> None:
+    assert method("", "dipole", ("relaxed", "adaptive")) == ("relaxed", "dipole")
+    assert method("switching", "", ("relaxed", "centroid")) == ("switching", "centroid")
+    assert method("", "", ("strict", "adaptive")) == ("strict", "adaptive")
 
 
 def test_an_orientation_is_taken_with_its_default_precision() -> None:
