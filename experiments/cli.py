@@ -214,8 +214,6 @@ def deliveries(
 
     from experiments.session import prepare
     from experiments.trials import Batch, deliver
-    from services.names import method
-    from services.task.config import TaskConfig
 
     given = batch_layers(config, assignments, "seeds go from --first on")
     session = prepare(given)
@@ -225,9 +223,7 @@ def deliveries(
     console = Console(stderr=True)
     done = list(track(deliver(given, seeds, jobs, failures), total=trials, description="pushing", console=console))
     sim_ = session.sim
-    task = session.effective.sections["task"]
-    assert isinstance(task, TaskConfig)
-    strategy, controller = method(sim_.strategy, sim_.controller, (task.strategy, task.controller))
+    strategy, controller = session.method
     typer.echo(
         f"{sim_.object or 'its own object'} in {sim_.scene}, {strategy}, {controller}, "
         f"seeds {first} to {first + trials - 1}"

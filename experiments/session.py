@@ -32,7 +32,8 @@ from runtime.service import Service
 from runtime.time import Time
 from runtime.timing import TimingConfig
 from services.mapping.config import KnownMap
-from services.names import CONTROLLERS, STRATEGIES
+from services.names import CONTROLLERS, STRATEGIES, method
+from services.task.config import TaskConfig
 
 if TYPE_CHECKING:
     from runtime.lockstep.run import Spread
@@ -67,6 +68,13 @@ class Session:
         found = self.effective.sections[self.nodes[0]]
         assert isinstance(found, SapienConfig)
         return found
+
+    @property
+    def method(self) -> tuple[str, str]:
+        """Return strategy and controller of the push."""
+        task = self.effective.sections["task"]
+        assert isinstance(task, TaskConfig)
+        return method(self.sim.strategy, self.sim.controller, (task.strategy, task.controller))
 
     def services(self) -> list[Service]:
         """Return the services, freshly built, in scheduling order."""

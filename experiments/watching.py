@@ -93,8 +93,8 @@ def summary(session: Session, result: PushResult, took: float, record: Path | No
         "reason": status.reason,
         "scene": session.sim.scene,
         "object": session.world.body.name,
-        "strategy": session.goal.strategy or session.effective.sections["task"].strategy,  # type: ignore[attr-defined]
-        "controller": session.goal.controller or session.effective.sections["task"].controller,  # type: ignore[attr-defined]
+        "strategy": session.method[0],
+        "controller": session.method[1],
         "seed": session.sim.seed,
         "distance_left": round(status.distance_left, 4),
         **({"yaw_left": round(status.yaw_left, 4)} if status.HasField("yaw_left") else {}),

@@ -32,7 +32,7 @@ def pushlane(*arguments: str, cwd: Path | None = None, columns: int = 120) -> su
 
 
 def test_a_push_is_recorded_and_replays(tmp_path: Path) -> None:
-    ran = pushlane("sim", *SHORT, "--seed", "7", "-o", "a.mcap", cwd=tmp_path)
+    ran = pushlane("sim", *SHORT, "--strategy", "strict", "--seed", "7", "-o", "a.mcap", cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.splitlines()[-1].startswith("DELIVERED: cylinder in open, strict, adaptive, seed 7")
     assert "times real time" in ran.stdout
@@ -211,7 +211,8 @@ def test_results_that_cannot_be_written_are_refused_first(tmp_path: Path) -> Non
 def test_results_go_where_they_can_be_written_or_it_is_said(tmp_path: Path) -> None:
     """As root, too: a file in the place of a folder, /proc, which takes no files, and a name that is too long."""
     (tmp_path / "file").write_text("precious")
-    (tmp_path / "a.log").write_text("")
+    beams = " ".join(["1"] * 180)
+    (tmp_path / "a.log").write_text(f"FLASER 180 {beams} 0 0 0 0 0 0\n" * 2)
     long = "x" * 300
     session = str(Path(__file__).parent.parent / "replays" / "recordings" / "corridor-1-relaxed.mcap")
     for arguments, words in (
@@ -326,7 +327,18 @@ def test_config_show_says_where_values_come_from_and_reads_back(tmp_path: Path) 
     [
         (["slam"], ["[default: 30]", "[default: (nothing is written)]", "[default: (a map is made)]"]),
         (["replay"], ["[default: (its beginning)]"]),
-        (["sim"], ["(living-room)", "(strict)", "(adaptive)", "(0.1)", "(400)", "(not recorded)", "(direct)"]),
+        (
+            ["sim"],
+            [
+                "(living-room)",
+                "(predictive; strict with one",
+                "(predictive; adaptive with one",
+                "(0.1)",
+                "(400)",
+                "(not recorded)",
+                "(direct)",
+            ],
+        ),
         (["experiment", "deliveries"], ["from --first on. [default: 100]", "(none is kept)"]),
         (["experiment", "tracking"], ["[default: tags,appearance,depth]"]),
     ],
@@ -339,7 +351,7 @@ def test_help_names_the_defaults_that_hold(verb: list[str], words: list[str]) ->
     task = session.effective.sections["task"]
     assert isinstance(task, TaskConfig)
     assert (session.sim.scene, session.sim.link, task.strategy, task.controller) == (
-        "living-room", "direct", "strict", "adaptive",
+        "living-room", "direct", "predictive", "predictive",
     )  # fmt: skip
     assert (task.precision, task.time_limit) == (0.1, 400.0)
 

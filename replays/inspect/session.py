@@ -112,7 +112,9 @@ def read_session(path: Path) -> Session:
     if not reading.rows:
         begins = _begins(path)
         if begins != MAGIC:
-            raise Unreadable(f"{path}: nothing to show: it begins with {begins!r}, as no MCAP file does")
+            raise Unreadable(
+                f"{path}: nothing to show: it begins with {begins!r}, as no MCAP file does; expected an MCAP session"
+            )
         unknown = f"{sum(reading.undecoded.values())} messages, none of a type known here"
         raise Unreadable(f"{path}: nothing to show ({damage or unknown}); expected an MCAP session")
     tracks = {topic: _sorted(rows) for topic, rows in sorted(reading.rows.items())}
