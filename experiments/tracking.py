@@ -22,6 +22,7 @@ from runtime.config.layers import Layer
 from runtime.messages import ObjectState, OccupancyGrid, RobotPose, Truth, Visibility
 from runtime.sample import Sample
 from services.geometry.pose import between
+from services.mapping.grid import hollow
 
 Array = NDArray[np.float64]
 
@@ -112,14 +113,17 @@ class Run:
 
 
 def off_surfaces(drawn: OccupancyGrid, room: Scene) -> Array:
-    """Return how far the middles of occupied cells are from the nearest surface of `room`, (K,), m."""
+    """Return how far the middles of occupied cells are from the nearest surface of `room`, (K,), m.
+
+    Only of those beside free ones: the inside of a plan's walls is no surface.
+    """
     truth = rasterise(room, _FINE)
     taken = (truth.cells > 0).astype(np.uint8)
     outside = cv2.distanceTransform(1 - taken, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     inside = cv2.distanceTransform(taken, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     off = (np.maximum(outside, inside) - 0.5) * _FINE
     cells = np.frombuffer(drawn.cells, np.uint8).reshape(drawn.height, drawn.width)
-    rows, columns = np.nonzero(cells == OCCUPIED)
+    rows, columns = np.nonzero(hollow(cells) == OCCUPIED)
     places = np.column_stack([columns, rows]) + 0.5
     at = (np.array((drawn.origin.x, drawn.origin.y)) + drawn.resolution * places - truth.origin) / _FINE
     i, j = np.clip(np.floor(at).astype(int), 0, (taken.shape[1] - 1, taken.shape[0] - 1)).T
