@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import chi2
 
 from runtime.state import decode, encode
+from services.tracker.config import TrackerConfig
 from services.tracker.contact import Contour, contours
+from services.tracker.finders import AppearanceFinder, Hint, Memory, View
 from services.tracker.footprint import footprint, placed_by_top
 from services.tracker.region import Region
 from services.tracker.segment import Sought, by_colour, continued, faced
@@ -160,6 +163,22 @@ def test_what_is_under_the_picture_is_placed_by_its_top() -> None:
 def test_what_reaches_out_of_the_picture_is_cut() -> None:
     (found,) = seen([Thing(1.0, 0.85, 0.3)])
     assert found.cut
+
+
+@pytest.mark.parametrize("y", [0.72, 0.75, 0.78, 0.81])
+def test_what_is_cut_but_was_seen_whole_is_as_far_off_as_is_said(y: float) -> None:
+    """Of a disc of 0.3 m at the border of the picture ever less is seen. Its size not known, 0.1 m is said."""
+    true = np.array([1.0, y])
+    hint = Hint(true + 0.02, np.eye(2) * 0.01**2, None, 1.0, 0.3, 0.1)
+    things = [Thing(*true, 0.3)]
+    finder, memory = AppearanceFinder(TrackerConfig(finds="appearance")), Memory()
+    found = finder.find(
+        picture(CAMERA, MOUNT, things, 0, FLOOR), View(CAMERA, MOUNT, hint, free_floor(things, 0), 0.45), memory
+    )
+    assert found is not None and found.diameter == 0.0, "it is to be cut"
+    off = found.place - true
+    assert off @ np.linalg.solve(found.covariance, off) < chi2.ppf(0.99, 2), off
+    assert math.sqrt(np.linalg.eigvalsh(found.covariance)[0]) < 0.09
 
 
 def test_a_floor_that_changes_is_learned_and_the_old_one_forgotten() -> None:
