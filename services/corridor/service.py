@@ -146,8 +146,8 @@ class CorridorService(Service):
         sensed = external(sensed, r, o, d_r, d_o, self.config.object_margin + late)
         found = disagrees(self._geometry.field, d_r, r, sensed, self.config.threshold)
         if found.nearer or (found.farther and self._change(self.map) > self.config.map_gain):
-            where = "inside the corridor" if found.nearer else "beyond the corridor's edge"
-            yield self.say(f"an obstacle is {abs(found.difference):.2f} m {where}: planning anew", now)
+            where = "before" if found.nearer else "beyond"
+            yield self.say(f"an obstacle is {abs(found.difference):.2f} m {where} the corridor's edge: planning anew", now)
             yield from self._plan(now)
 
     def _hits(self, scan: LaserScan, robot: RobotPose) -> Array:
