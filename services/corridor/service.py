@@ -147,7 +147,9 @@ class CorridorService(Service):
         found = disagrees(self._geometry.field, d_r, r, sensed, self.config.threshold)
         if found.nearer or (found.farther and self._change(self.map) > self.config.map_gain):
             where = "before" if found.nearer else "beyond"
-            yield self.say(f"an obstacle is {abs(found.difference):.2f} m {where} the corridor's edge: planning anew", now)
+            yield self.say(
+                f"an obstacle is {abs(found.difference):.2f} m {where} the corridor's edge: planning anew", now
+            )
             yield from self._plan(now)
 
     def _hits(self, scan: LaserScan, robot: RobotPose) -> Array:
